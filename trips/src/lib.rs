@@ -1,0 +1,55 @@
+//! Recorded trips: ROS 2 bags in MCAP, read and written.
+//!
+//! A *trip* is one `.mcap` file: frames of one range sensor (`sensor_msgs/msg/LaserScan`, or `sensor_msgs/msg/Image`
+//! as `16UC1` or `32FC1`) and, where the robot knew them, poses (`nav_msgs/msg/Odometry`), encoded as CDR.
+//!
+//! * [`TripReader`] turns it into *frames*: `u16` counts of a stated unit, each with its time of capture and the pose
+//!   at that time. Reading streams: memory does not grow with the length of the trip.
+//! * [`TripWriter`] writes the same, for `ros2 bag`, Foxglove, PlotJuggler and the `rosbags` package to read.
+//!
+//! # Metres become counts
+//!
+//! | the message says | the count is |
+//! |---|---|
+//! | NaN, −Inf, a negative value; outside `range_min … range_max`; finite, but more than 65535 counts | 0: invalid |
+//! | +Inf: no return | the largest range: of a scan its `range_max` (at most 65535 counts), of an image 65535 |
+//! | any other number of metres | that divided by the unit, rounded to the nearest count |
+//! | 16UC1 | its millimetres in the unit; at 1 mm the pixel itself |
+//!
+//! # Poses come to frames
+//!
+//! A frame's pose is interpolated between the two poses around its time of capture, the yaw by the short way round,
+//! where these two are at most [`MAX_POSE_GAP_S`] apart. Elsewhere (before the first pose, after the last, in a longer
+//! gap) it is the nearest pose if that is at most [`MAX_POSE_REACH_S`] away, and else there is none.
+//!
+//! # Recordings that were cut off
+//!
+//! A recording that a power cut ended is read up to its last whole chunk (its last whole message where it has no
+//! chunks), and [`TripReader::truncation`] says so. Damage anywhere else is a [`TripError`].
+#![forbid(unsafe_code)]
+
+mod catalogue;
+mod chunk;
+mod counts;
+mod error;
+mod frame;
+mod lookahead;
+mod message;
+mod pose;
+mod pose_track;
+mod reader;
+mod record;
+mod recording;
+mod stamp;
+mod summary;
+mod writer;
+
+pub use catalogue::{Role, Topic};
+pub use error::{MessageFault, TripError, TripWriteError};
+pub use frame::{FrameInfo, FrameLayout};
+pub use pose::Pose;
+pub use pose_track::{MAX_POSE_GAP_S, MAX_POSE_REACH_S};
+pub use reader::{Selection, TripReader};
+pub use recording::Truncation;
+pub use stamp::Stamp;
+pub use writer::{Compression, Image, ImageEncoding, Scan, TripWriter, WriterOptions};

@@ -1,0 +1,196 @@
+//! Reads a trip frame by frame.
+
+use std::path::Path;
+
+use crate::catalogue::{Catalogue, Role, Topic, choose};
+use crate::counts::Unit;
+use crate::lookahead::Lookahead;
+use crate::recording::{End, Recording, io_error};
+use crate::{FrameInfo, FrameLayout, TripError, Truncation, summary};
+
+/// What is read of a trip.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Selection {
+    /// The topic with frames; `None`: the only one that fits.
+    pub frames_topic: Option<String>,
+    /// The topic with poses; `None`: the only one that fits, if any.
+    pub poses_topic: Option<String>,
+    /// Metres that one count stands for.
+    pub metres_per_count: f64,
+}
+
+/// Topics by type, counts of a millimetre.
+impl Default for Selection {
+    fn default() -> Self {
+        Self { frames_topic: None, poses_topic: None, metres_per_count: 0.001 }
+    }
+}
+
+/// A trip being read: frames in the order of the recording, each with its pose.
+///
+/// Holds one chunk of the recording, at most 256 frames that wait for the pose after them (and at most 32 MiB of
+/// these, but at least 4), and the last 4096 poses, however long the trip.
+pub struct TripReader {
+    recording: Recording,
+    lookahead: Lookahead,
+    layout: FrameLayout,
+    /// What stopped the reading, kept until the frames before it are taken.
+    failure: Option<TripError>,
+    no_more: bool,
+    truncation: Option<Truncation>,
+}
+
+impl TripReader {
+    /// Opens a trip and reads as far as its first frame.
+    ///
+    /// Without an index (a recording that was not closed, or whose writer made none) the whole file is read once, to
+    /// find its topics; nothing of it is kept.
+    ///
+    /// # Errors
+    ///
+    /// No such file, not MCAP, no frames, several topics to choose from, a damaged beginning: see [`TripError`].
+    pub fn open(path: &Path, selection: &Selection) -> Result<TripReader, TripError> {
+        let metres_per_count = selection.metres_per_count;
+        let unit = Unit::new(metres_per_count).ok_or(TripError::Unit { metres_per_count })?;
+        let mut recording = Recording::open(path)?;
+        let topics = topics(&mut recording, selection)?;
+        let frames = choose(path, &topics, Role::Frames, selection.frames_topic.as_deref())?;
+        let poses = choose(path, &topics, Role::Poses, selection.poses_topic.as_deref())?;
+        let Some((frames, frame_type)) = frames.and_then(|topic| topic.frame_type().map(|of| (topic, of)))
+        else {
+            return Err(TripError::NoFrames { path: path.to_owned(), topics });
+        };
+        let mut lookahead = Lookahead::new(path.to_owned(), unit, frames, frame_type, poses);
+        let layout = loop {
+            if let Some(layout) = lookahead.layout() {
+                break layout;
+            }
+            match recording.next_record()? {
+                Some(record) => lookahead.accept(&record)?,
+                None => return Err(no_first_frame(&recording, topics)),
+            }
+        };
+        Ok(TripReader { recording, lookahead, layout, failure: None, no_more: false, truncation: None })
+    }
+
+    /// How the readings of every frame lie, and their unit.
+    pub fn layout(&self) -> FrameLayout {
+        self.layout
+    }
+
+    /// The topic that frames come from.
+    pub fn frames_topic(&self) -> &str {
+        &self.lookahead.frames_topic().name
+    }
+
+    /// The topic that poses come from, if the trip has one.
+    pub fn poses_topic(&self) -> Option<&str> {
+        self.lookahead.poses_topic().map(|topic| topic.name.as_str())
+    }
+
+    /// Reads the next frame; `None` at the end.
+    ///
+    /// * `counts` — `(n_readings,)`, counts; overwritten
+    ///
+    /// # Errors
+    ///
+    /// A message or frame that cannot be used, damage to the recording: once, after the frames before it; then the trip
+    /// has ended. A recording that was cut off is no error: see [`truncation`](Self::truncation).
+    ///
+    /// # Panics
+    ///
+    /// If `counts` is not `layout().n_readings()` long.
+    pub fn next_frame(&mut self, counts: &mut [u16]) -> Result<Option<FrameInfo>, TripError> {
+        assert_eq!(counts.len(), self.layout.n_readings(), "a frame's buffer is as long as a frame");
+        while !self.lookahead.is_ready(self.no_more) {
+            if self.no_more {
+                return self.failure.take().map_or(Ok(None), Err);
+            }
+            if let Err(failure) = self.read_on() {
+                self.failure = Some(failure);
+                self.no_more = true;
+            }
+        }
+        Ok(Some(self.lookahead.take(counts)))
+    }
+
+    /// Whether the recording was cut off, known once the end was reached.
+    pub fn truncation(&self) -> Option<&Truncation> {
+        self.truncation.as_ref()
+    }
+
+    /// Bytes of the file read so far, and bytes in the file.
+    pub fn progress(&self) -> (u64, u64) {
+        (self.recording.n_bytes_read(), self.recording.n_bytes())
+    }
+
+    fn read_on(&mut self) -> Result<(), TripError> {
+        match self.recording.next_record()? {
+            Some(record) => self.lookahead.accept(&record),
+            None => {
+                self.no_more = true;
+                self.truncation = truncation(&self.recording, self.lookahead.n_frames());
+                Ok(())
+            }
+        }
+    }
+}
+
+/// The topics of a recording: from its summary, or by reading it through.
+fn topics(recording: &mut Recording, selection: &Selection) -> Result<Vec<Topic>, TripError> {
+    let n_bytes = recording.n_bytes();
+    let path = recording.path().to_owned();
+    let indexed = summary::catalogue(recording.file_mut(), n_bytes).map_err(io_error(&path))?;
+    recording.rewind()?;
+    if let Some(catalogue) = indexed {
+        return Ok(catalogue.topics());
+    }
+    let mut catalogue = Catalogue::default();
+    let failure = loop {
+        match recording.next_record() {
+            Ok(Some(record)) => catalogue.add(&record),
+            Ok(None) => break None,
+            Err(failure) => break Some(failure),
+        }
+    };
+    let topics = catalogue.topics();
+    let no_frames = match choose(&path, &topics, Role::Frames, selection.frames_topic.as_deref()) {
+        Ok(topic) => topic.is_none(),
+        Err(TripError::UnfitTopic { topic, .. }) => topic.n_messages == 0,
+        Err(_) => false,
+    };
+    if no_frames {
+        // Frames may have been where the recording ends too early: that, and not their absence, is to be told.
+        if let Some(failure) = failure {
+            return Err(failure);
+        }
+        if recording.end() == Some(End::CutOff) {
+            return Err(no_first_frame(recording, topics));
+        }
+    }
+    recording.rewind()?;
+    Ok(topics)
+}
+
+/// Why there is no first frame, when the end has been reached.
+fn no_first_frame(recording: &Recording, topics: Vec<Topic>) -> TripError {
+    let path = recording.path().to_owned();
+    match recording.end() {
+        Some(End::CutOff) => TripError::CutOffBeforeFirstFrame {
+            path,
+            at_byte: recording.at_byte(),
+            n_bytes: recording.n_bytes(),
+        },
+        _ => TripError::NoFrames { path, topics },
+    }
+}
+
+fn truncation(recording: &Recording, n_frames: u64) -> Option<Truncation> {
+    let data_is_whole = recording.end() == Some(End::Closed);
+    (!data_is_whole || !recording.is_closed()).then(|| Truncation {
+        at_byte: recording.at_byte(),
+        n_bytes: recording.n_bytes(),
+        n_frames,
+        data_is_whole,
+    })
+}

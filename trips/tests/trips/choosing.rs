@@ -1,0 +1,142 @@
+//! Topics are found by type where only one fits, and by name.
+
+use kinds_trips::{Selection, TripReader};
+
+use crate::bag::{Bag, Folder, IMAGE, LASER_SCAN, ODOMETRY, odometry, read_with, refusal, scan};
+
+fn frames_from(name: &str) -> Selection {
+    Selection { frames_topic: Some(name.to_owned()), ..Selection::default() }
+}
+
+fn poses_from(name: &str) -> Selection {
+    Selection { poses_topic: Some(name.to_owned()), ..Selection::default() }
+}
+
+/// A bag with these topics and as many messages on each, a scan or a pose.
+fn bag_with(path: &std::path::Path, indexed: bool, topics: &[(&str, &str, &str, u32)]) {
+    let options = mcap::WriteOptions::new().emit_summary_records(indexed).emit_message_indexes(indexed);
+    let mut bag = Bag::with_options(path, options);
+    for &(name, type_name, encoding, n_messages) in topics {
+        let id = bag.topic_encoded(name, type_name, encoding);
+        for index in 0..n_messages {
+            let data = if type_name == ODOMETRY {
+                odometry((1000, index), f64::from(index))
+            } else {
+                scan((1000, index), &[1.0])
+            };
+            bag.message(id, u64::from(index), &data);
+        }
+    }
+    bag.finish();
+}
+
+/// Checks a choice with an index and without.
+fn check(topics: &[(&str, &str, &str, u32)], selection: &Selection, expected: &str) {
+    for indexed in [true, false] {
+        let folder = Folder::new();
+        let path = folder.join("trip.mcap");
+        bag_with(&path, indexed, topics);
+        let outcome = match TripReader::open(&path, selection) {
+            Ok(trip) => format!("{} {}", trip.frames_topic(), trip.poses_topic().unwrap_or("-")),
+            Err(error) => error.to_string(),
+        };
+        assert_eq!(outcome, expected.replace("TRIP", &path.display().to_string()), "indexed: {indexed}");
+    }
+}
+
+#[test]
+fn topics_are_chosen_by_type_or_by_name_and_else_the_sentence_says_how() {
+    let scan = ("/scan", LASER_SCAN, "cdr", 3);
+    let left = ("/left", LASER_SCAN, "cdr", 1);
+    let odom = ("/odom", ODOMETRY, "cdr", 2);
+    let slam = ("/slam", ODOMETRY, "cdr", 9);
+    let any = Selection::default();
+
+    check(&[scan], &any, "/scan -");
+    check(&[odom, scan], &any, "/scan /odom");
+    check(&[odom, scan], &frames_from("/scan"), "/scan /odom");
+    check(&[scan, left, odom], &frames_from("/left"), "/left /odom");
+    check(&[scan, odom, slam], &poses_from("/slam"), "/scan /slam");
+    // Topics that a recorder subscribed to in vain are no candidates.
+    check(&[scan, ("/idle", LASER_SCAN, "cdr", 0), ("/idle_odom", ODOMETRY, "cdr", 0)], &any, "/scan -");
+    // Nor is what is not CDR.
+    check(&[scan, ("/json", LASER_SCAN, "json", 1)], &any, "/scan -");
+
+    check(
+        &[scan, left],
+        &any,
+        "TRIP has 2 topics with frames: /left (sensor_msgs/msg/LaserScan, 1 message), \
+         /scan (sensor_msgs/msg/LaserScan, 3 messages); choose one with --frames-topic NAME",
+    );
+    check(
+        &[scan, odom, slam],
+        &any,
+        "TRIP has 2 topics with poses: /odom (nav_msgs/msg/Odometry, 2 messages), \
+         /slam (nav_msgs/msg/Odometry, 9 messages); choose one with --poses-topic NAME",
+    );
+    check(
+        &[scan, odom],
+        &frames_from("/scna"),
+        "TRIP has no topic /scna, asked for with --frames-topic; it has /odom (nav_msgs/msg/Odometry, 2 messages), \
+         /scan (sensor_msgs/msg/LaserScan, 3 messages)",
+    );
+    check(
+        &[scan],
+        &poses_from("/odom"),
+        "TRIP has no topic /odom, asked for with --poses-topic; it has /scan (sensor_msgs/msg/LaserScan, 3 messages)",
+    );
+    check(
+        &[scan, odom],
+        &frames_from("/odom"),
+        "/odom (nav_msgs/msg/Odometry, 2 messages) in TRIP cannot give frames, asked for with --frames-topic: that takes \
+         messages of type sensor_msgs/msg/LaserScan or sensor_msgs/msg/Image in CDR",
+    );
+    check(
+        &[scan],
+        &poses_from("/scan"),
+        "/scan (sensor_msgs/msg/LaserScan, 3 messages) in TRIP cannot give poses, asked for with --poses-topic: that \
+         takes messages of type nav_msgs/msg/Odometry in CDR",
+    );
+    check(
+        &[odom, ("/chat", "", "json", 1), ("/depth", IMAGE, "cdr", 0)],
+        &any,
+        "TRIP has no frames: none of its topics has messages of type sensor_msgs/msg/LaserScan or sensor_msgs/msg/Image \
+         in CDR; it has /chat (type unknown encoded as 'json', 1 message), /depth (sensor_msgs/msg/Image, no messages), \
+         /odom (nav_msgs/msg/Odometry, 2 messages)",
+    );
+    check(&[], &any, "TRIP has no frames: it has no topics at all");
+    check(
+        &[],
+        &frames_from("/scan"),
+        "TRIP has no topic /scan, asked for with --frames-topic; it has no topics",
+    );
+}
+
+#[test]
+fn several_publishers_on_one_topic_are_one_topic() {
+    let folder = Folder::new();
+    let path = folder.join("trip.mcap");
+    let mut bag = Bag::create(&path);
+    let first = bag.topic("/scan", LASER_SCAN);
+    let second = bag.topic_of_another_publisher("/scan", LASER_SCAN);
+    assert_ne!(first, second);
+    bag.message(first, 1, &scan((1000, 1), &[1.0]));
+    bag.message(second, 2, &scan((1000, 2), &[2.0]));
+    bag.finish();
+    assert_eq!(read_with(&path, &Selection::default()).unwrap().counts(), [[1000], [2000]]);
+}
+
+#[test]
+fn a_unit_is_a_positive_number() {
+    let folder = Folder::new();
+    let path = folder.join("trip.mcap");
+    bag_with(&path, true, &[("/scan", LASER_SCAN, "cdr", 1)]);
+    for (metres_per_count, shown) in
+        [(0.0, "0"), (-0.001, "-0.001"), (f64::NAN, "NaN"), (f64::INFINITY, "inf")]
+    {
+        assert_eq!(
+            refusal(&path, &Selection { metres_per_count, ..Selection::default() }),
+            format!("a unit of {shown} metres per count was asked for; it must be a finite number above 0")
+        );
+    }
+}

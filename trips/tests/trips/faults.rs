@@ -1,0 +1,210 @@
+//! Files and messages that cannot be read, each with the sentence that says so.
+
+use kinds_trips::Selection;
+
+use crate::bag::{
+    Bag, Cdr, Folder, IMAGE, LASER_SCAN, ODOMETRY, RawImage, image_in, odometry, odometry_in, read,
+    read_whole, refusal, scan, scan_in,
+};
+
+#[test]
+fn files_that_are_no_trip_are_refused_in_a_sentence() {
+    let folder = Folder::new();
+    let check = |name: &str, content: Option<&[u8]>, expected: &str| {
+        let path = folder.join(name);
+        if let Some(content) = content {
+            std::fs::write(&path, content).unwrap();
+        }
+        let sentence = refusal(&path, &Selection::default());
+        assert_eq!(sentence, expected.replace("TRIP", &path.display().to_string()));
+    };
+    check("missing.mcap", None, "no trip at TRIP: there is no such file");
+    check("", None, "TRIP is a directory; a trip is one .mcap file, name the one in it");
+    check("empty.mcap", Some(b""), "TRIP is empty (0 bytes): nothing was recorded");
+    let not_mcap =
+        "TRIP is not an MCAP file but WHAT; `ros2 bag convert` or `rosbags-convert` makes one of a ROS bag";
+    check("text", Some(b"hello"), &not_mcap.replace("WHAT", "of some other kind"));
+    check("ros1", Some(b"#ROSBAG V2.0\n"), &not_mcap.replace("WHAT", "a ROS 1 bag"));
+    check(
+        "sqlite",
+        Some(b"SQLite format 3\0"),
+        &not_mcap.replace("WHAT", "an SQLite database, perhaps an older ROS 2 bag"),
+    );
+    check("magic.mcap", Some(&mcap::MAGIC[..5]), "TRIP is cut off at byte 8 of 5, before its first frame");
+}
+
+#[cfg(unix)]
+#[test]
+fn what_is_no_regular_file_is_refused_with_the_reason() {
+    use std::os::unix::net::UnixListener;
+    let folder = Folder::new();
+    let path = folder.join("socket");
+    let _listener = UnixListener::bind(&path).unwrap();
+    assert_eq!(
+        refusal(&path, &Selection::default()),
+        format!("could not read {}: it is not a regular file", path.display())
+    );
+}
+
+/// The sentence about the last of these messages, all before it having been read.
+fn fault(type_name: &str, messages: &[Vec<u8>]) -> String {
+    let folder = Folder::new();
+    let path = folder.join("trip.mcap");
+    let mut bag = Bag::create(&path);
+    let id = bag.topic("/topic", type_name);
+    for (log_time, message) in (0..).zip(messages) {
+        bag.message(id, log_time, message);
+    }
+    if type_name == ODOMETRY {
+        let frames = bag.topic("/scan", LASER_SCAN);
+        bag.message(frames, 0, &scan((1000, 0), &[1.0]));
+    }
+    bag.finish();
+    let error = match read(&path) {
+        Ok(trip) => {
+            let n_read = if type_name == ODOMETRY { 0 } else { messages.len() - 1 };
+            assert_eq!(trip.frames.len(), n_read, "the frames before the fault are read");
+            trip.failure.expect("the last message is faulty")
+        }
+        Err(error) => error,
+    };
+    error.to_string().replace(&path.display().to_string(), "TRIP")
+}
+
+fn depth(image: RawImage<'_>) -> Vec<u8> {
+    image_in(false, (1000, 0), image)
+}
+
+const GOOD: RawImage<'static> =
+    RawImage { rows: 2, columns: 3, encoding: b"16UC1\0", is_bigendian: 0, step: 6, data: &[7; 12] };
+
+#[test]
+fn messages_that_cannot_be_used_are_named_with_what_is_wrong() {
+    let whole = scan((1000, 0), &[1.0, 2.0]);
+    let check = |type_name: &str, messages: &[Vec<u8>], expected: &str| {
+        assert_eq!(fault(type_name, messages), expected);
+    };
+
+    let short = whole[..40].to_vec();
+    check(
+        LASER_SCAN,
+        &[whole.clone(), whole.clone(), short],
+        "message 3 on /topic in TRIP: its 40 bytes end before its last field does",
+    );
+    check(
+        LASER_SCAN,
+        &[vec![0, 1, 0]],
+        "message 1 on /topic in TRIP: its 3 bytes end before its last field does",
+    );
+    check(
+        ODOMETRY,
+        &[vec![0, 1, 0, 0, 0]],
+        "message 1 on /topic in TRIP: its 5 bytes end before its last field does",
+    );
+    // Four thousand million ranges are claimed, and none is there.
+    let claim = Cdr::new(false).header((1000, 0)).f32s(&[0.0; 7]).u32(u32::MAX).done();
+    check(LASER_SCAN, &[claim], "message 1 on /topic in TRIP: its 56 bytes end before its last field does");
+
+    let mut parameter_list = whole.clone();
+    parameter_list[1] = 3;
+    check(
+        LASER_SCAN,
+        &[parameter_list],
+        "message 1 on /topic in TRIP: its encoding is 0x0003; plain CDR is read, 0x0000 (big-endian) and 0x0001 \
+         (little-endian)",
+    );
+    check(LASER_SCAN, &[scan((1000, 0), &[])], "message 1 on /topic in TRIP: it has no readings (1 × 0)");
+    check(
+        IMAGE,
+        &[depth(RawImage { rows: 0, data: &[], ..GOOD })],
+        "message 1 on /topic in TRIP: it has no readings (0 × 3)",
+    );
+    check(
+        IMAGE,
+        &[depth(RawImage { encoding: b"rgb8\0", ..GOOD })],
+        "message 1 on /topic in TRIP: its image encoding is 'rgb8'; distances are read from 16UC1 and 32FC1",
+    );
+    check(
+        IMAGE,
+        &[depth(GOOD), depth(RawImage { step: 5, ..GOOD })],
+        "message 2 on /topic in TRIP: its rows are 5 bytes apart, but 3 pixels of 2 bytes need 6",
+    );
+    check(
+        IMAGE,
+        &[depth(GOOD), depth(RawImage { step: 8, ..GOOD })],
+        "message 2 on /topic in TRIP: it has 12 bytes of pixels, but 2 rows of 8 bytes need 16",
+    );
+    check(
+        IMAGE,
+        &[depth(RawImage { rows: u32::MAX, step: u32::MAX, ..GOOD })],
+        "message 1 on /topic in TRIP: it has 12 bytes of pixels, but 4294967295 rows of 4294967295 bytes need \
+         18446744065119617025",
+    );
+    check(
+        IMAGE,
+        &[depth(GOOD), depth(GOOD), depth(RawImage { rows: 3, columns: 2, step: 4, ..GOOD })],
+        "frame 3 on /topic in TRIP has 6 readings (3 × 2), but the trip began with 6 readings (2 × 3); a trip has frames \
+         of one size",
+    );
+}
+
+#[test]
+fn both_byte_orders_of_cdr_are_read() {
+    let folder = Folder::new();
+    for big_endian in [false, true] {
+        let path = folder.join("trip.mcap");
+        let mut bag = Bag::create(&path);
+        let (frames, poses) = (bag.topic("/scan", LASER_SCAN), bag.topic("/odom", ODOMETRY));
+        let quarter_turn = [0.0, 0.0, 0.5f64.sqrt(), 0.5f64.sqrt()];
+        bag.message(poses, 0, &odometry_in(big_endian, (1000, 5), [1.5, -2.5, 0.0], quarter_turn));
+        bag.message(frames, 0, &scan_in(big_endian, (1000, 5), &[f32::NAN, 1.25, 0.05, 4.5, f32::INFINITY]));
+        bag.finish();
+        let trip = read_whole(&path);
+        assert_eq!(trip.counts(), [[0, 1250, 0, 0, 4000]]);
+        let pose = trip.frames[0].0.pose.unwrap();
+        assert_eq!((pose.x_m, pose.y_m), (1.5, -2.5));
+        assert!((pose.yaw_rad - std::f64::consts::FRAC_PI_2).abs() < 1e-14);
+    }
+    for big_endian in [false, true] {
+        let path = folder.join("image.mcap");
+        let mut bag = Bag::create(&path);
+        let frames = bag.topic("/depth", IMAGE);
+        // The order of an image's pixels is its own, whatever that of the message.
+        for (log_time, is_bigendian, data) in [(1, 0, [1, 2, 3, 4, 9, 9]), (2, 1, [2, 1, 4, 3, 9, 9])] {
+            let image =
+                RawImage { rows: 1, columns: 2, encoding: b"16UC1\0", is_bigendian, step: 6, data: &data };
+            bag.message(frames, log_time, &image_in(big_endian, (0, 0), image));
+        }
+        bag.finish();
+        assert_eq!(read_whole(&path).counts(), [[0x0201, 0x0403]; 2]);
+    }
+}
+
+#[test]
+fn pixels_in_metres_become_counts() {
+    let folder = Folder::new();
+    let path = folder.join("trip.mcap");
+    let mut bag = Bag::create(&path);
+    let frames = bag.topic("/depth", IMAGE);
+    let metres = [f32::NAN, f32::NEG_INFINITY, -1.0, 0.5, 65.535, 70.0, f32::INFINITY];
+    let data: Vec<u8> = metres.iter().flat_map(|metres| metres.to_le_bytes()).collect();
+    // Some writers leave out a string's closing zero.
+    let image = RawImage { rows: 1, columns: 7, encoding: b"32FC1", is_bigendian: 0, step: 28, data: &data };
+    bag.message(frames, 1, &image_in(false, (1000, 0), image));
+    bag.finish();
+    assert_eq!(read_whole(&path).counts(), [[0, 0, 0, 500, 65535, 0, 65535]]);
+}
+
+#[test]
+fn messages_of_other_topics_do_not_matter() {
+    let folder = Folder::new();
+    let path = folder.join("trip.mcap");
+    let mut bag = Bag::create(&path);
+    let (other, frames) = (bag.topic("/rosout", "rcl_interfaces/msg/Log"), bag.topic("/scan", LASER_SCAN));
+    bag.message(other, 0, b"");
+    bag.message(frames, 1, &scan((1000, 0), &[1.0]));
+    bag.message(other, 2, &odometry((1000, 0), 1.0));
+    bag.finish();
+    let trip = read_whole(&path);
+    assert_eq!((trip.counts(), trip.x_m()), (vec![vec![1000]], vec![None]));
+}

@@ -1,0 +1,10 @@
+//! Trips as others find them on disk: written and read back, damaged, cut off, made by other programs.
+
+mod bag;
+mod choosing;
+mod damage;
+mod faults;
+mod made_elsewhere;
+mod poses;
+mod read_elsewhere;
+mod round_trip;
