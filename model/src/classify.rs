@@ -1,0 +1,140 @@
+//! From one raw frame to kind probabilities. What serving does for every frame.
+
+use std::sync::Arc;
+
+use crate::mixture::most_probable;
+use crate::model::Model;
+use crate::neighbors::{Neighbor, nearest, squared_distance};
+
+/// Whether a frame could be classified.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// It was.
+    Classified,
+    /// It had no valid reading. The probabilities are the mixing weights: what is known without looking.
+    Invalid,
+}
+
+/// What is known of one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Classification {
+    /// Whether the frame could be classified.
+    pub status: Status,
+    /// The most probable kind; the first of equals.
+    pub kind: usize,
+    /// Invalid readings in the frame.
+    pub n_invalid: usize,
+    /// Posterior of every kind, shape `(n_kinds,)`; finite, sums to 1.
+    pub probabilities: Vec<f64>,
+    /// Embedding, shape `(n_dims,)`, counts. Zeros for an invalid frame.
+    pub coordinates: Vec<f64>,
+    /// `ln p(e)`, nats. Not a number for an invalid frame.
+    pub log_likelihood: f64,
+    /// How far the frame is from all that was seen in training, 0…1: the share of the reference frames whose ns-th
+    /// neighbour is nearer to them than the nearest reference frame is to this one. 1 for an invalid frame.
+    pub novelty: f64,
+}
+
+/// Classifies frames with one model. Holds all memory that it needs: classifying allocates nothing.
+pub struct Classifier {
+    model: Arc<Model>,
+    /// The frame on the response's scale, shape `(n_readings,)`.
+    mapped: Vec<u16>,
+    /// Its nearest reference frames, shape `(n_neighbors,)`.
+    nearest: Vec<Neighbor>,
+    /// Shortest lengths to the landmarks, shape `(n_landmarks,)`, counts.
+    lengths: Vec<f32>,
+    /// δ, shape `(n_landmarks,)`, counts².
+    squared_geodesics: Vec<f64>,
+    classification: Classification,
+}
+
+impl Classifier {
+    /// Prepares to classify with a model.
+    pub fn new(model: Arc<Model>) -> Self {
+        let plan = &model.manifest().plan;
+        let none = Neighbor { squared_distance: 0, frame_index: 0 };
+        // Where distances are Euclidean, the nearest frame alone is wanted, for the novelty.
+        let n_neighbors = if model.geodesics().is_some() { plan.n_neighbors } else { 1 };
+        Self {
+            mapped: vec![0; plan.sensor.n_readings()],
+            nearest: vec![none; n_neighbors],
+            lengths: vec![0.0; plan.n_landmarks],
+            squared_geodesics: vec![0.0; plan.n_landmarks],
+            classification: Classification {
+                status: Status::Invalid,
+                kind: 0,
+                n_invalid: 0,
+                probabilities: vec![0.0; plan.em.n_kinds],
+                coordinates: vec![0.0; plan.n_dims],
+                log_likelihood: f64::NAN,
+                novelty: 1.0,
+            },
+            model,
+        }
+    }
+
+    /// The model in use.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Classifies one frame. The raw counts are read once; everything else is derived from that pass.
+    ///
+    /// * `counts` — raw counts, shape `(n_readings,)`
+    ///
+    /// Equal counts and models give equal bits on every machine. Allocates nothing. O(n_frames · n_readings).
+    ///
+    /// # Panics
+    /// If the number of readings is not the model's: whoever receives frames compares layouts before.
+    pub fn classify(&mut self, counts: &[u16]) -> &Classification {
+        let n_invalid = self.model.response().map(counts, &mut self.mapped);
+        self.classification.n_invalid = n_invalid;
+        if n_invalid == counts.len() {
+            self.know_nothing();
+        } else {
+            self.measure();
+            self.locate();
+        }
+        self.classification.kind = most_probable(&self.classification.probabilities);
+        &self.classification
+    }
+
+    fn know_nothing(&mut self) {
+        let classification = &mut self.classification;
+        classification.status = Status::Invalid;
+        classification.probabilities.copy_from_slice(self.model.mixture().weights());
+        classification.coordinates.fill(0.0);
+        classification.log_likelihood = f64::NAN;
+        classification.novelty = 1.0;
+    }
+
+    /// Fills δ: squared shortest lengths to the landmarks, or squared distances.
+    fn measure(&mut self) {
+        let frames = self.model.frames();
+        nearest(frames, &self.mapped, &mut self.nearest);
+        let Some(geodesics) = self.model.geodesics() else {
+            for (squared, &landmark) in self.squared_geodesics.iter_mut().zip(self.model.landmarks()) {
+                *squared = squared_distance(&self.mapped, frames.row(landmark as usize)) as f64;
+            }
+            return;
+        };
+        let nearest = self.nearest.iter().map(|near| (near.frame_index, near.distance()));
+        geodesics.through(nearest, &mut self.lengths);
+        for (squared, &length) in self.squared_geodesics.iter_mut().zip(&self.lengths) {
+            *squared = f64::from(length) * f64::from(length);
+        }
+    }
+
+    /// From δ to coordinates, probabilities and novelty.
+    fn locate(&mut self) {
+        let classification = &mut self.classification;
+        classification.status = Status::Classified;
+        self.model.embedding().embed(&self.squared_geodesics, &mut classification.coordinates);
+        classification.log_likelihood =
+            self.model.mixture().posterior(&classification.coordinates, &mut classification.probabilities);
+        let radii = self.model.squared_radii();
+        let n_within = radii.partition_point(|radius| *radius < self.nearest[0].squared_distance);
+        classification.novelty = n_within as f64 / radii.len() as f64;
+    }
+}

@@ -1,0 +1,329 @@
+//! The model file's bytes ↔ [`Model`].
+//!
+//! The container is safetensors; its metadata holds one entry, `manifest`, a [`Manifest`] in RON. The array `digest` is
+//! the SHA-256 of the manifest and of every other array with name, type and shape, so that a flipped bit anywhere that
+//! matters is found before the first frame, and equal contents have equal bytes and an equal [`ModelId`].
+
+use std::collections::HashMap;
+
+use bytemuck::Pod;
+use bytes::Bytes;
+use safetensors::SafeTensors;
+use safetensors::tensor::{Dtype, TensorView};
+use serde::Deserialize;
+use sha2::{Digest, Sha256};
+
+use crate::array::Array;
+use crate::fit::Method;
+use crate::frames::Frames;
+use crate::geodesics::Geodesics;
+use crate::mds::Embedding;
+use crate::mixture::{Mixture, MixtureError};
+use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX};
+use crate::response::{Response, TABLE_LEN};
+
+/// Version of the format that this crate writes and reads.
+pub const FORMAT: u32 = 1;
+
+const MANIFEST: &str = "manifest";
+const DIGEST: &str = "digest";
+
+#[cfg(target_endian = "big")]
+compile_error!("model files are little-endian and are read where they lie");
+
+/// Why bytes are not a model.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelFileError {
+    /// Not the container, or cut off.
+    #[error(
+        "not a whole model file: {n_bytes} bytes do not hold what their header announces ({reason}); copy it again or train anew"
+    )]
+    Container {
+        /// Length of what was given.
+        n_bytes: usize,
+        /// What the container's reader says.
+        reason: String,
+    },
+    /// The container of something else.
+    #[error("not a model of natural kinds: its metadata has no manifest")]
+    NoManifest,
+    /// Another version.
+    #[error(
+        "model file of format {found}; this program reads format {FORMAT}: train anew, or use the program that made it"
+    )]
+    OtherFormat {
+        /// Its format.
+        found: u32,
+    },
+    /// The manifest cannot be read.
+    #[error("the model's manifest cannot be read: {reason}")]
+    Manifest {
+        /// Where and why.
+        reason: String,
+    },
+    /// Contents changed after they were written.
+    #[error(
+        "the model file is damaged: its contents have digest {found} and not {written}; copy it again or train anew"
+    )]
+    Digest {
+        /// What the contents give.
+        found: String,
+        /// What the file says.
+        written: String,
+    },
+    /// Arrays that the manifest does not announce.
+    #[error("the model's array {name} is {found}; its manifest announces {expected}")]
+    Array {
+        /// Which.
+        name: String,
+        /// What is there, in words.
+        found: String,
+        /// What should be.
+        expected: String,
+    },
+    /// Numbers that cannot be.
+    #[error("the model's {what}; train anew")]
+    Contents {
+        /// What is wrong, in words.
+        what: &'static str,
+    },
+    /// Kinds that cannot be.
+    #[error(transparent)]
+    Mixture(#[from] MixtureError),
+}
+
+/// An array of the file.
+struct NamedArray<'a> {
+    name: &'static str,
+    dtype: Dtype,
+    shape: Vec<usize>,
+    bytes: &'a [u8],
+}
+
+/// Writes a model as the bytes of its file.
+pub fn to_bytes(model: &Model) -> Vec<u8> {
+    let manifest = manifest_text(&model.manifest);
+    let digest = digest(&manifest, &arrays(model));
+    let digest_array =
+        NamedArray { name: DIGEST, dtype: Dtype::U8, shape: vec![digest.len()], bytes: &digest };
+    let views = arrays(model).into_iter().chain([digest_array]).map(|array| {
+        let view = TensorView::new(array.dtype, array.shape, array.bytes);
+        (array.name, view.expect("shapes are those of the arrays"))
+    });
+    let metadata = HashMap::from([(MANIFEST.to_string(), manifest)]);
+    safetensors::serialize(views, Some(metadata)).expect("arrays of these types and sizes can be written")
+}
+
+/// The id of a model's contents.
+pub(crate) fn id_of(model: &Model) -> ModelId {
+    id(&digest(&manifest_text(&model.manifest), &arrays(model)))
+}
+
+/// Reads a model from the bytes of its file. Arrays stay where they lie in `bytes`, if aligned.
+///
+/// # Errors
+/// If the bytes are cut off, damaged, of another format or of something else, or hold numbers that cannot be.
+pub fn from_bytes(bytes: &Bytes) -> Result<Model, ModelFileError> {
+    let container = |error: safetensors::SafeTensorError| ModelFileError::Container {
+        n_bytes: bytes.len(),
+        reason: error.to_string(),
+    };
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(container)?;
+    let file = File { bytes, tensors: SafeTensors::deserialize(bytes).map_err(container)? };
+    let text = header
+        .metadata()
+        .as_ref()
+        .and_then(|metadata| metadata.get(MANIFEST))
+        .ok_or(ModelFileError::NoManifest)?;
+    let manifest = read_manifest(text)?;
+    let model = file.assemble(manifest, text)?;
+    check_contents(&model)?;
+    Ok(model)
+}
+
+fn manifest_text(manifest: &Manifest) -> String {
+    ron::ser::to_string_pretty(manifest, ron::ser::PrettyConfig::default()).expect("a manifest is plain data")
+}
+
+fn read_manifest(text: &str) -> Result<Manifest, ModelFileError> {
+    #[derive(Deserialize)]
+    struct Versioned {
+        format: u32,
+    }
+    let unreadable = |error: ron::error::SpannedError| ModelFileError::Manifest { reason: error.to_string() };
+    // The version first: another format may have other fields.
+    match ron::from_str::<Versioned>(text).map_err(unreadable)?.format {
+        FORMAT => ron::from_str(text).map_err(unreadable),
+        found => Err(ModelFileError::OtherFormat { found }),
+    }
+}
+
+fn digest(manifest: &str, arrays: &[NamedArray]) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    // Every part is preceded by its length, so that no two contents run together alike.
+    let mut part = |bytes: &[u8]| {
+        hash.update((bytes.len() as u64).to_le_bytes());
+        hash.update(bytes);
+    };
+    part(manifest.as_bytes());
+    for array in arrays {
+        part(array.name.as_bytes());
+        part(format!("{:?} {:?}", array.dtype, array.shape).as_bytes());
+        part(array.bytes);
+    }
+    hash.finalize().into()
+}
+
+fn id(digest: &[u8; 32]) -> ModelId {
+    let (first, _) = digest.split_at(16);
+    ModelId(first.try_into().expect("16 of 32 bytes"))
+}
+
+/// The model's arrays, in the order in which they are digested.
+fn arrays(model: &Model) -> Vec<NamedArray<'_>> {
+    fn array<'a, T: Pod>(
+        name: &'static str,
+        dtype: Dtype,
+        shape: &[usize],
+        numbers: &'a [T],
+    ) -> NamedArray<'a> {
+        NamedArray { name, dtype, shape: shape.to_vec(), bytes: bytemuck::cast_slice(numbers) }
+    }
+    let Manifest { n_frames, plan, .. } = &model.manifest;
+    let (n_frames, n_landmarks) = (*n_frames, plan.n_landmarks);
+    let (n_dims, n_kinds) = (plan.n_dims, plan.em.n_kinds);
+    let mut arrays = vec![
+        array("frames", Dtype::U16, &[n_frames, plan.sensor.n_readings()], model.frames.counts()),
+        array("response", Dtype::U16, &[TABLE_LEN], model.response.table()),
+        array("landmarks", Dtype::U32, &[n_landmarks], &model.landmarks),
+        array("projection", Dtype::F64, &[n_landmarks, n_dims], model.embedding.projection()),
+        array("mean_squared_geodesics", Dtype::F64, &[n_landmarks], model.embedding.mean_squared_geodesics()),
+        array("coordinates", Dtype::F64, &[n_frames, n_dims], &model.coordinates),
+        array("weights", Dtype::F64, &[n_kinds], model.mixture.weights()),
+        array("means", Dtype::F64, &[n_kinds, n_dims], model.mixture.means()),
+        array("covariances", Dtype::F64, &[n_kinds, n_dims, n_dims], model.mixture.covariances()),
+        array("squared_radii", Dtype::U64, &[n_frames], &model.squared_radii),
+    ];
+    if let Some(geodesics) = &model.geodesics {
+        arrays.push(array("geodesics", Dtype::F32, &[n_frames, n_landmarks], geodesics.lengths()));
+    }
+    arrays
+}
+
+/// A container whose arrays are asked for by name.
+struct File<'a> {
+    bytes: &'a Bytes,
+    tensors: SafeTensors<'a>,
+}
+
+impl File<'_> {
+    /// Takes an array of exactly this type and shape.
+    fn array<T: Pod + Send>(
+        &self,
+        name: &str,
+        dtype: Dtype,
+        shape: &[usize],
+    ) -> Result<Array<T>, ModelFileError> {
+        let expected = format!("{dtype:?} {shape:?}");
+        let wrong =
+            |found| ModelFileError::Array { name: name.to_string(), found, expected: expected.clone() };
+        let tensor = self.tensors.tensor(name).map_err(|_| wrong("missing".to_string()))?;
+        if tensor.dtype() != dtype || tensor.shape() != shape {
+            return Err(wrong(format!("{:?} {:?}", tensor.dtype(), tensor.shape())));
+        }
+        Ok(Array::from_bytes(self.bytes.slice_ref(tensor.data())))
+    }
+
+    fn assemble(&self, manifest: Manifest, text: &str) -> Result<Model, ModelFileError> {
+        let plan = &manifest.plan;
+        let (n_frames, n_landmarks) = (manifest.n_frames, plan.n_landmarks);
+        let (n_dims, n_kinds) = (plan.n_dims, plan.em.n_kinds);
+        let n_readings = plan.sensor.n_readings();
+        if [n_frames, n_landmarks, n_dims, n_kinds, n_readings, plan.n_neighbors].contains(&0) {
+            return Err(ModelFileError::Contents {
+                what: "manifest announces none of something that it needs",
+            });
+        }
+        let geodesics = match plan.method {
+            Method::Isomap => Some(self.array("geodesics", Dtype::F32, &[n_frames, n_landmarks])?),
+            Method::Pca => None,
+        };
+        let response = Response::from_table(self.array("response", Dtype::U16, &[TABLE_LEN])?);
+        let embedding = Embedding::from_parts(
+            n_dims,
+            self.array("projection", Dtype::F64, &[n_landmarks, n_dims])?,
+            self.array("mean_squared_geodesics", Dtype::F64, &[n_landmarks])?,
+        );
+        let mut model = Model {
+            id: ModelId([0; 16]),
+            response: response.ok_or(ModelFileError::Contents { what: "response has not 65,536 entries" })?,
+            frames: Frames::new(
+                n_readings,
+                self.array::<u16>("frames", Dtype::U16, &[n_frames, n_readings])?,
+            ),
+            landmarks: self.array("landmarks", Dtype::U32, &[n_landmarks])?,
+            geodesics: geodesics.map(|lengths: Array<f32>| Geodesics::new(n_landmarks, lengths)),
+            embedding: embedding
+                .ok_or(ModelFileError::Contents { what: "projection does not fit its landmarks" })?,
+            coordinates: self.array("coordinates", Dtype::F64, &[n_frames, n_dims])?,
+            mixture: Mixture::new(
+                n_dims,
+                self.array("weights", Dtype::F64, &[n_kinds])?.to_vec(),
+                self.array("means", Dtype::F64, &[n_kinds, n_dims])?.to_vec(),
+                self.array("covariances", Dtype::F64, &[n_kinds, n_dims, n_dims])?.to_vec(),
+            )?,
+            squared_radii: self.array("squared_radii", Dtype::U64, &[n_frames])?,
+            manifest,
+        };
+        let written = self.array::<u8>(DIGEST, Dtype::U8, &[32])?;
+        let found = digest(text, &arrays(&model));
+        if written[..] != found {
+            let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+            return Err(ModelFileError::Digest { found: hex(&found), written: hex(&written) });
+        }
+        if self.tensors.len() != arrays(&model).len() + 1 {
+            return Err(ModelFileError::Contents {
+                what: "file holds arrays that its manifest does not announce",
+            });
+        }
+        model.id = id(&found);
+        Ok(model)
+    }
+}
+
+/// What the digest cannot vouch for in a file that somebody else's program wrote.
+fn check_contents(model: &Model) -> Result<(), ModelFileError> {
+    let Manifest { n_frames, plan, .. } = &model.manifest;
+    let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
+    let units_m = plan.sensor.metres_per_count;
+    let checks = [
+        (
+            plan.em.n_kinds <= N_KINDS_MAX && plan.n_dims <= N_DIMS_MAX,
+            "kinds or dimensions are more than a report holds",
+        ),
+        (plan.n_neighbors < *n_frames, "neighbours are more than its reference frames"),
+        (units_m.is_finite() && units_m > 0.0, "sensor has no unit"),
+        (
+            model.landmarks.iter().all(|&landmark| (landmark as usize) < *n_frames),
+            "landmarks are not reference frames",
+        ),
+        (
+            model
+                .geodesics
+                .iter()
+                .all(|geodesics| geodesics.lengths().iter().all(|length| (0.0..=f32::MAX).contains(length))),
+            "geodesics are negative or not finite",
+        ),
+        (
+            finite(model.embedding.projection())
+                && finite(model.embedding.mean_squared_geodesics())
+                && finite(&model.coordinates),
+            "embedding is not finite",
+        ),
+        (model.squared_radii.is_sorted(), "neighbourhood radii do not ascend"),
+    ];
+    match checks.into_iter().find(|(holds, _)| !holds) {
+        Some((_, what)) => Err(ModelFileError::Contents { what }),
+        None => Ok(()),
+    }
+}

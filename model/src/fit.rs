@@ -1,0 +1,314 @@
+//! Fits a model to the frames of a trip: response, neighbours, graph, geodesics, scaling, mixture, in this order.
+
+use serde::{Deserialize, Serialize};
+
+use crate::array::Array;
+use crate::em::{EmError, EmFit, EmPlan, fit_mixture};
+use crate::frames::{Frames, SensorLayout};
+use crate::geodesics::Geodesics;
+use crate::graph::Graph;
+use crate::landmarks;
+use crate::mds::{Embedding, MdsError};
+use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Provenance};
+use crate::neighbors::{Neighbor, nearest_of_each, squared_distance};
+use crate::residual_variance::residual_variance;
+use crate::response::{Response, ResponseError, ResponsePlan};
+
+/// Dimensions that residual variance is computed for.
+const N_DIMS_REPORTED: usize = 30;
+
+/// How distances between frames become coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Method {
+    /// Geodesics in the neighbour graph (Tenenbaum, de Silva & Langford 2000; landmarks: de Silva & Tenenbaum 2004).
+    #[serde(alias = "isomap")]
+    Isomap,
+    /// Euclidean distances: principal component analysis, the paper's baseline.
+    #[serde(alias = "pca")]
+    Pca,
+}
+
+/// What to fit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FitPlan {
+    /// The sensor that took the frames.
+    pub sensor: SensorLayout,
+    /// The scale on which frames are compared.
+    pub response: ResponsePlan,
+    /// Geodesic or Euclidean.
+    pub method: Method,
+    /// ns.
+    pub n_neighbors: usize,
+    /// n; all frames if there are no more.
+    pub n_landmarks: usize,
+    /// d.
+    pub n_dims: usize,
+    /// J, and how they are found.
+    pub em: EmPlan,
+    /// Seed of the landmarks.
+    pub seed: u64,
+}
+
+/// A part of the work, for whoever shows progress.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// Nearest neighbours of every frame.
+    Neighbors,
+    /// Geodesics from every landmark.
+    Geodesics,
+    /// Eigenvalues of the landmarks' products, coordinates of all frames.
+    Embedding,
+    /// Expectation and maximisation.
+    Kinds,
+}
+
+/// Told of a step, how much of it is done, and of how much.
+pub type Progress<'a> = dyn FnMut(Step, usize, usize) + 'a;
+
+/// Why no model could be fitted.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum FitError {
+    /// Too few frames for the neighbours.
+    #[error(
+        "{n_frames} frames are too few for {n_neighbors} neighbours each; ask for fewer neighbours or record a longer trip"
+    )]
+    TooFewFrames {
+        /// Frames.
+        n_frames: usize,
+        /// Neighbours asked for.
+        n_neighbors: usize,
+    },
+    /// Something that must be at least one, or has a limit.
+    #[error("{n} {what} were asked for; there must be between 1 and {limit}")]
+    Count {
+        /// What, in words.
+        what: &'static str,
+        /// How many.
+        n: usize,
+        /// How many at most.
+        limit: usize,
+    },
+    /// Nothing to tell frames apart by.
+    #[error("all {n_frames} frames are equal on the response's scale; there is nothing to tell kinds by")]
+    AllEqual {
+        /// Frames.
+        n_frames: usize,
+    },
+    /// No scale.
+    #[error(transparent)]
+    Response(#[from] ResponseError),
+    /// No coordinates.
+    #[error(transparent)]
+    Mds(#[from] MdsError),
+    /// No kinds.
+    #[error(transparent)]
+    Em(#[from] EmError),
+}
+
+/// Fits a model to raw frames.
+///
+/// * `counts` — raw counts, shape `(n_frames, n_readings)`; frames without a valid reading should not be among them
+/// * `trips` — names of the trips, for the record
+///
+/// Deterministic for a plan on one machine. Holds the frames, the geodesics (n_frames × n_landmarks) and a few
+/// n_landmarks² matrices.
+///
+/// # Errors
+/// If the frames are too few or too much alike for the plan, or the plan asks for what there cannot be.
+pub fn fit(
+    mut counts: Vec<u16>,
+    plan: &FitPlan,
+    trips: Vec<String>,
+    progress: &mut Progress,
+) -> Result<Model, FitError> {
+    let response = Response::new(&plan.response, plan.sensor.metres_per_count)?;
+    response.map_in_place(&mut counts);
+    let frames = Frames::new(plan.sensor.n_readings(), counts);
+    fit_frames(frames, response, plan, trips, progress)
+}
+
+/// Fits another model to the reference frames of one, with the same response.
+///
+/// # Errors
+/// As [`fit`].
+pub fn refit(model: &Model, plan: &FitPlan, progress: &mut Progress) -> Result<Model, FitError> {
+    let trips = model.manifest().provenance.trips.clone();
+    let plan =
+        FitPlan { response: model.manifest().plan.response.clone(), sensor: model.layout(), ..plan.clone() };
+    fit_frames(model.frames().clone(), model.response().clone(), &plan, trips, progress)
+}
+
+fn fit_frames(
+    frames: Frames,
+    response: Response,
+    plan: &FitPlan,
+    trips: Vec<String>,
+    progress: &mut Progress,
+) -> Result<Model, FitError> {
+    let n_frames = frames.n_frames();
+    check_counts(plan, n_frames)?;
+    let k = plan.n_neighbors;
+    let lists = nearest_of_each(&frames, k, &mut |done| progress(Step::Neighbors, done, n_frames));
+    let landmarks = landmarks::choose(n_frames, plan.n_landmarks, plan.seed);
+    let mut provenance = Provenance {
+        made_by: format!("natural-kinds {}", env!("CARGO_PKG_VERSION")),
+        trips,
+        ..Default::default()
+    };
+
+    let metric = match plan.method {
+        Method::Isomap => {
+            Metric::Geodesic(measure_geodesics(&frames, &lists, k, &landmarks, &mut provenance, progress))
+        }
+        Method::Pca => Metric::Euclidean,
+    };
+    progress(Step::Embedding, 0, 1);
+    let (embedding, coordinates) = embed(&frames, &landmarks, &metric, plan, &mut provenance)?;
+    progress(Step::Embedding, 1, 1);
+    let em = find_kinds(&coordinates, plan, &mut provenance, progress)?;
+
+    let mut squared_radii: Vec<u64> =
+        lists.chunks_exact(k).map(|list| list[k - 1].squared_distance).collect();
+    squared_radii.sort_unstable();
+    let plan = FitPlan { n_landmarks: landmarks.len(), ..plan.clone() };
+    let manifest = Manifest { format: crate::file::FORMAT, plan, n_frames, provenance };
+    let mut model = Model {
+        id: ModelId([0; 16]),
+        manifest,
+        response,
+        frames,
+        landmarks: landmarks.into(),
+        geodesics: metric.into_geodesics(),
+        embedding,
+        coordinates,
+        mixture: em.mixture,
+        squared_radii: squared_radii.into(),
+    };
+    model.id = crate::file::id_of(&model);
+    Ok(model)
+}
+
+fn check_counts(plan: &FitPlan, n_frames: usize) -> Result<(), FitError> {
+    let within = |what, n: usize, limit: usize| match (1..=limit).contains(&n) {
+        true => Ok(()),
+        false => Err(FitError::Count { what, n, limit }),
+    };
+    within("kinds", plan.em.n_kinds, N_KINDS_MAX)?;
+    within("dimensions", plan.n_dims, N_DIMS_MAX)?;
+    within("neighbours", plan.n_neighbors, usize::MAX)?;
+    within("landmarks", plan.n_landmarks, usize::MAX)?;
+    within("starts of the mixture", plan.em.n_starts, usize::MAX)?;
+    if n_frames <= plan.n_neighbors {
+        return Err(FitError::TooFewFrames { n_frames, n_neighbors: plan.n_neighbors });
+    }
+    if n_frames < plan.em.n_kinds {
+        return Err(EmError::TooFewFrames { n_frames, n_kinds: plan.em.n_kinds }.into());
+    }
+    Ok(())
+}
+
+/// Lengths from frames to landmarks, by the method.
+enum Metric {
+    Geodesic(Geodesics),
+    Euclidean,
+}
+
+impl Metric {
+    /// Squared length from a frame to the landmark in a lane, counts².
+    fn squared(&self, frames: &Frames, frame_index: usize, lane: usize, landmark: u32) -> f64 {
+        match self {
+            Self::Geodesic(geodesics) => f64::from(geodesics.row(frame_index)[lane]).powi(2),
+            Self::Euclidean => {
+                squared_distance(frames.row(frame_index), frames.row(landmark as usize)) as f64
+            }
+        }
+    }
+
+    fn into_geodesics(self) -> Option<Geodesics> {
+        match self {
+            Self::Geodesic(geodesics) => Some(geodesics),
+            Self::Euclidean => None,
+        }
+    }
+}
+
+fn measure_geodesics(
+    frames: &Frames,
+    lists: &[Neighbor],
+    k: usize,
+    landmarks: &[u32],
+    provenance: &mut Provenance,
+    progress: &mut Progress,
+) -> Geodesics {
+    let mut graph = Graph::union(lists, k);
+    provenance.islands = graph.islands().iter().map(Vec::len).collect();
+    let between = |a: u32, b: u32| squared_distance(frames.row(a as usize), frames.row(b as usize));
+    provenance.bridges =
+        graph.join_islands(between).iter().map(|bridge| (bridge.a, bridge.b, bridge.length)).collect();
+    Geodesics::measure(&graph, landmarks, &mut |done| progress(Step::Geodesics, done, landmarks.len()))
+}
+
+/// Scales the landmarks and embeds every frame. Returns the embedding, and coordinates of shape `(n_frames, n_dims)`.
+fn embed(
+    frames: &Frames,
+    landmarks: &[u32],
+    metric: &Metric,
+    plan: &FitPlan,
+    provenance: &mut Provenance,
+) -> Result<(Embedding, Array<f64>), FitError> {
+    let (n_frames, n_landmarks) = (frames.n_frames(), landmarks.len());
+    // δ of every frame, shape (n_frames, n_landmarks).
+    let mut squared = Vec::with_capacity(n_frames * n_landmarks);
+    for frame_index in 0..n_frames {
+        let lanes = landmarks.iter().enumerate();
+        squared.extend(lanes.map(|(lane, &landmark)| metric.squared(frames, frame_index, lane, landmark)));
+    }
+    let block: Vec<f64> = landmarks
+        .iter()
+        .flat_map(|&landmark| &squared[landmark as usize * n_landmarks..][..n_landmarks])
+        .copied()
+        .collect();
+    if block.iter().all(|squared| *squared == 0.0) {
+        return Err(FitError::AllEqual { n_frames });
+    }
+    let n_dims_max = plan.n_dims.max(N_DIMS_REPORTED);
+    let (embedding, spectrum) = Embedding::fit(&block, n_landmarks, n_dims_max, plan.n_dims)?;
+    provenance.negative_share = spectrum.negative_share();
+    provenance.eigenvalues = spectrum.eigenvalues.iter().take(n_dims_max).copied().collect();
+
+    let mut coordinates = vec![0.0; n_frames * embedding.n_dims()];
+    for (place, delta) in
+        coordinates.chunks_exact_mut(embedding.n_dims()).zip(squared.chunks_exact(n_landmarks))
+    {
+        embedding.embed(delta, place);
+    }
+    let length = |frame_index: usize, lane: usize| squared[frame_index * n_landmarks + lane].sqrt();
+    provenance.residual_variance = residual_variance(&coordinates, embedding.n_dims(), landmarks, length);
+
+    let kept: Vec<f64> = coordinates
+        .chunks_exact(embedding.n_dims())
+        .flat_map(|place| &place[..plan.n_dims])
+        .copied()
+        .collect();
+    Ok((embedding.truncated(plan.n_dims), kept.into()))
+}
+
+fn find_kinds(
+    coordinates: &[f64],
+    plan: &FitPlan,
+    provenance: &mut Provenance,
+    progress: &mut Progress,
+) -> Result<EmFit, FitError> {
+    let n_starts = plan.em.n_starts;
+    progress(Step::Kinds, 0, n_starts);
+    let em =
+        fit_mixture(coordinates, plan.n_dims, &plan.em, &mut |done| progress(Step::Kinds, done, n_starts))?;
+    let n_frames = (coordinates.len() / plan.n_dims) as f64;
+    provenance.log_likelihood = em.log_likelihoods[em.log_likelihoods.len() - 1];
+    provenance.bic = -2.0 * provenance.log_likelihood + em.mixture.n_parameters() as f64 * n_frames.ln();
+    provenance.n_iterations = em.log_likelihoods.len() - 1;
+    provenance.converged = em.converged;
+    provenance.n_starts_collapsed = em.n_starts_collapsed;
+    Ok(em)
+}

@@ -1,0 +1,77 @@
+//! The frames of one sensor on the response's scale, one row a frame.
+
+use crate::array::Array;
+
+/// What one frame of a sensor looks like. Frames of another layout cannot be compared with these.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorLayout {
+    /// Rows of pixels; 1 for a ring of ranges.
+    pub rows: u32,
+    /// Readings in a row.
+    pub columns: u32,
+    /// Metres that one raw count stands for.
+    pub metres_per_count: f64,
+}
+
+impl SensorLayout {
+    /// D: readings in one frame.
+    pub fn n_readings(&self) -> usize {
+        self.rows as usize * self.columns as usize
+    }
+}
+
+impl std::fmt::Display for SensorLayout {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (rows, columns) = (self.rows, self.columns);
+        write!(
+            f,
+            "{} readings ({rows} × {columns}) of {} m a count",
+            self.n_readings(),
+            self.metres_per_count
+        )
+    }
+}
+
+/// N frames of D readings, counts on the response's scale, shape `(n_frames, n_readings)`.
+#[derive(Clone, Debug)]
+pub struct Frames {
+    n_readings: usize,
+    counts: Array<u16>,
+}
+
+impl Frames {
+    /// Takes rows of `n_readings` counts that stand one after the other.
+    ///
+    /// # Panics
+    /// If `n_readings` is 0 or does not divide the number of counts: a bug of the caller.
+    pub fn new(n_readings: usize, counts: impl Into<Array<u16>>) -> Self {
+        let counts = counts.into();
+        assert!(
+            n_readings > 0 && counts.len().is_multiple_of(n_readings),
+            "rows of {n_readings} in {}",
+            counts.len()
+        );
+        Self { n_readings, counts }
+    }
+
+    /// N.
+    pub fn n_frames(&self) -> usize {
+        self.counts.len() / self.n_readings
+    }
+
+    /// D.
+    pub fn n_readings(&self) -> usize {
+        self.n_readings
+    }
+
+    /// One frame's counts, shape `(n_readings,)`.
+    pub fn row(&self, frame_index: usize) -> &[u16] {
+        &self.counts[frame_index * self.n_readings..][..self.n_readings]
+    }
+
+    /// All counts, row after row.
+    pub fn counts(&self) -> &[u16] {
+        &self.counts
+    }
+}

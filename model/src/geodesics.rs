@@ -1,0 +1,149 @@
+//! Geodesics: lengths of shortest paths in the neighbour graph, from every frame to every landmark.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use crate::array::Array;
+use crate::graph::Graph;
+
+/// G, shape `(n_frames, n_landmarks)`, counts. The row of a frame stands together: that is how a new frame reads it.
+#[derive(Clone, Debug)]
+pub struct Geodesics {
+    n_landmarks: usize,
+    lengths: Array<f32>,
+}
+
+impl Geodesics {
+    /// Takes rows of `n_landmarks` lengths that stand one after the other.
+    ///
+    /// # Panics
+    /// If `n_landmarks` is 0 or does not divide the number of lengths: a bug of the caller.
+    pub fn new(n_landmarks: usize, lengths: impl Into<Array<f32>>) -> Self {
+        let lengths = lengths.into();
+        assert!(
+            n_landmarks > 0 && lengths.len().is_multiple_of(n_landmarks),
+            "rows of {n_landmarks} in {}",
+            lengths.len()
+        );
+        Self { n_landmarks, lengths }
+    }
+
+    /// Measures a connected graph from the given landmarks by Dijkstra's algorithm, in `f32`.
+    ///
+    /// Path lengths are sums of `f32` rounded edge by edge. Since such addition is monotone, the result is the one
+    /// fixpoint of `G[v] = min over neighbours u of (G[u] + length)`: any other algorithm must reach the same bits.
+    ///
+    /// * `done` — told the number of landmarks finished
+    ///
+    /// Lengths to frames on other islands are infinite. O(n_landmarks · n_edges · log n_frames).
+    pub fn measure(graph: &Graph, landmarks: &[u32], done: &mut dyn FnMut(usize)) -> Self {
+        let (n_frames, n_landmarks) = (graph.n_frames(), landmarks.len());
+        let mut lengths = vec![f32::INFINITY; n_frames * n_landmarks];
+        let mut from_landmark = vec![f32::INFINITY; n_frames];
+        let mut queue = BinaryHeap::new();
+        for (lane, &landmark) in landmarks.iter().enumerate() {
+            shortest_paths(graph, landmark, &mut from_landmark, &mut queue);
+            for (frame_index, &length) in from_landmark.iter().enumerate() {
+                lengths[frame_index * n_landmarks + lane] = length;
+            }
+            done(lane + 1);
+        }
+        Self::new(n_landmarks, lengths)
+    }
+
+    /// n.
+    pub fn n_landmarks(&self) -> usize {
+        self.n_landmarks
+    }
+
+    /// N.
+    pub fn n_frames(&self) -> usize {
+        self.lengths.len() / self.n_landmarks
+    }
+
+    /// Geodesics from one frame to each landmark, shape `(n_landmarks,)`, counts.
+    pub fn row(&self, frame_index: usize) -> &[f32] {
+        &self.lengths[frame_index * self.n_landmarks..][..self.n_landmarks]
+    }
+
+    /// Shortest lengths to each landmark of a frame that was not measured, through its neighbours.
+    ///
+    /// `min over the nearest reference frames j of (‖p − x_j‖ + G_ji)`; for a reference frame among its own neighbours
+    /// this is its row again, bit for bit, since G is a fixpoint.
+    ///
+    /// * `nearest` — reference frames near the new one, and the distance to each, counts
+    /// * `lengths` — shape `(n_landmarks,)`, counts; overwritten
+    pub fn through(&self, nearest: impl IntoIterator<Item = (u32, f32)>, lengths: &mut [f32]) {
+        lengths.fill(f32::INFINITY);
+        for (frame_index, distance) in nearest {
+            for (length, geodesic) in lengths.iter_mut().zip(self.row(frame_index as usize)) {
+                *length = length.min(distance + geodesic);
+            }
+        }
+    }
+
+    /// All lengths, row after row.
+    pub fn lengths(&self) -> &[f32] {
+        &self.lengths
+    }
+}
+
+/// Dijkstra from one vertex. The queue is empty before and after; it is passed in to keep its memory.
+fn shortest_paths(
+    graph: &Graph,
+    source: u32,
+    lengths: &mut [f32],
+    queue: &mut BinaryHeap<Reverse<(u32, u32)>>,
+) {
+    // Lengths are never negative, so their bits order as they do.
+    lengths.fill(f32::INFINITY);
+    lengths[source as usize] = 0.0;
+    queue.push(Reverse((0.0_f32.to_bits(), source)));
+    while let Some(Reverse((bits, vertex))) = queue.pop() {
+        let length = f32::from_bits(bits);
+        if length > lengths[vertex as usize] {
+            continue;
+        }
+        for &(to, edge) in graph.neighbors(vertex) {
+            let through = length + edge;
+            if through < lengths[to as usize] {
+                lengths[to as usize] = through;
+                queue.push(Reverse((through.to_bits(), to)));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::graph::Edge;
+
+    proptest! {
+        #[test]
+        fn geodesics_equal_relaxing_every_edge_until_nothing_changes(
+            raw in prop::collection::vec((0..12_u32, 0..12_u32, 0.0..100.0_f32), 0..60),
+        ) {
+            let graph = Graph::new(12, raw.into_iter().map(|(a, b, length)| Edge { a, b, length }));
+            let landmarks: Vec<u32> = vec![0, 5, 11];
+            let measured = Geodesics::measure(&graph, &landmarks, &mut |_| ());
+            for (lane, &landmark) in landmarks.iter().enumerate() {
+                let mut expected = [f32::INFINITY; 12];
+                expected[landmark as usize] = 0.0;
+                // Bellman-Ford: no shortest path has more edges than there are vertices.
+                for _ in 0..12 {
+                    for edge in graph.edges() {
+                        let (a, b) = (edge.a as usize, edge.b as usize);
+                        expected[a] = expected[a].min(expected[b] + edge.length);
+                        expected[b] = expected[b].min(expected[a] + edge.length);
+                    }
+                }
+                for vertex in 0..12 {
+                    prop_assert_eq!(measured.row(vertex)[lane].to_bits(), expected[vertex].to_bits());
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! The mathematics: from frames to kinds, fitting and inference.
+//!
+//! This crate knows neither clock, file, log nor shared memory. Time does not occur in it, randomness comes in as a
+//! seed, a model comes and goes as bytes. Everything in it follows Grollman, Jenkins & Wood, *Discovering Natural
+//! Kinds of Robot Sensory Experiences in Unstructured Environments*, corrected where it misprints (see
+//! [`mds`] and [`mixture`]).
+//!
+//! Data walks through the modules in this order:
+//!
+//! ```text
+//! counts ─ response ─▶ frames ─ neighbors ─▶ graph ─ geodesics ─▶ mds ─▶ coordinates ─ mixture ─▶ kinds      (fit)
+//! counts ─ response ─▶ frame  ─ neighbors + geodesics ─▶ mds ─▶ coordinates ─ mixture ─▶ probabilities       (classify)
+//! ```
+//!
+//! # Notation
+//!
+//! | symbol | in code | shape | meaning |
+//! |---|---|---|---|
+//! | D | `n_readings` | | readings in one frame |
+//! | N | `n_frames` | | reference frames: the vertices of the graph |
+//! | ns | `n_neighbors` | | neighbours in the graph, and of a new frame |
+//! | n | `n_landmarks` | | reference frames that geodesics are measured from |
+//! | G | `geodesics` | (N, n) | shortest path length from frame to landmark |
+//! | Δ | `squared_geodesics` | (n, n) | landmark block of G, squared |
+//! | δ | `squared_geodesics` | (n) | of one frame to each landmark |
+//! | δ̄ | `mean_squared_geodesics` | (n) | column means of Δ |
+//! | λ, V | `eigenvalues`, `eigenvectors` | (d), (n, d) | of B = −½ H Δ H, H = I − 11ᵀ/n; positive, descending |
+//! | P | `projection` | (n, d) | ½ V Λ^(−½), landmark by landmark |
+//! | e(p) | `coordinates` | (d) | embedding of a frame p: P (δ̄ − δ(p)) |
+//! | J, α, μ, Σ | `n_kinds`, `weights`, `means`, `covariances` | | Gaussian mixture; one component is one kind |
+//!
+//! Lengths are in counts of the response's scale (see [`response`]), squared lengths in counts².
+#![forbid(unsafe_code)]
+
+pub mod array;
+pub mod classify;
+pub mod em;
+pub mod file;
+pub mod fit;
+pub mod frames;
+pub mod geodesics;
+pub mod graph;
+pub mod landmarks;
+pub mod mds;
+pub mod mixture;
+mod model;
+pub mod neighbors;
+pub mod residual_variance;
+pub mod response;
+
+pub use classify::{Classification, Classifier, Status};
+pub use em::EmPlan;
+pub use file::ModelFileError;
+pub use fit::{FitError, FitPlan, Method, Step, fit, refit};
+pub use frames::{Frames, SensorLayout};
+pub use model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Provenance};
+pub use response::{Response, ResponsePlan, Scale};

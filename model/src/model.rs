@@ -1,0 +1,157 @@
+//! A model: everything that turns a raw frame into kind probabilities, and where it came from.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::array::Array;
+use crate::fit::FitPlan;
+use crate::frames::{Frames, SensorLayout};
+use crate::geodesics::Geodesics;
+use crate::mds::Embedding;
+use crate::mixture::Mixture;
+use crate::response::Response;
+
+/// Most kinds that a model may have: what a report in shared memory holds.
+pub const N_KINDS_MAX: usize = 64;
+
+/// Most dimensions that a model may embed in: what a report in shared memory holds.
+pub const N_DIMS_MAX: usize = 32;
+
+/// What a model is, in words and numbers: everything in its file but the arrays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// Version of the file's format.
+    pub format: u32,
+    /// What was fitted. Its `n_landmarks` are those that there are.
+    pub plan: FitPlan,
+    /// N.
+    pub n_frames: usize,
+    /// Where it came from. Nothing is computed from it.
+    pub provenance: Provenance,
+}
+
+/// Where a model came from, and what was seen on the way.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Program and version.
+    pub made_by: String,
+    /// Files of the trips.
+    pub trips: Vec<String>,
+    /// Frames of the trips that were left out because no reading was valid.
+    pub n_frames_invalid: usize,
+    /// Frames on each island of the neighbour graph before they were joined, largest first.
+    pub islands: Vec<usize>,
+    /// The bridges that joined them: frame, frame, length in counts on the response's scale.
+    pub bridges: Vec<(u32, u32, f32)>,
+    /// Residual variance for 1, 2, … dimensions.
+    pub residual_variance: Vec<f64>,
+    /// The largest eigenvalues, counts².
+    pub eigenvalues: Vec<f64>,
+    /// Share of negative eigenvalues in the sum of all magnitudes.
+    pub negative_share: f64,
+    /// ln likelihood of the reference frames under the mixture, nats.
+    pub log_likelihood: f64,
+    /// Schwarz' criterion `−2 ln L + κ ln N`, nats.
+    pub bic: f64,
+    /// Iterations of expectation and maximisation.
+    pub n_iterations: usize,
+    /// Whether these converged.
+    pub converged: bool,
+    /// Starts given up because a kind lost its frames.
+    pub n_starts_collapsed: usize,
+}
+
+/// Which model: the first 16 bytes of its contents' SHA-256.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct ModelId(pub [u8; 16]);
+
+/// A whole model, ready to classify with. Its large arrays may lie in a mapped file.
+#[derive(Clone, Debug)]
+pub struct Model {
+    pub(crate) id: ModelId,
+    pub(crate) manifest: Manifest,
+    pub(crate) response: Response,
+    pub(crate) frames: Frames,
+    /// Frame indices, shape `(n_landmarks,)`.
+    pub(crate) landmarks: Array<u32>,
+    /// None where distances are Euclidean: these are taken from the frames.
+    pub(crate) geodesics: Option<Geodesics>,
+    pub(crate) embedding: Embedding,
+    /// Of the reference frames, shape `(n_frames, n_dims)`, counts.
+    pub(crate) coordinates: Array<f64>,
+    pub(crate) mixture: Mixture,
+    /// Squared distance of each reference frame to its ns-th neighbour, ascending, shape `(n_frames,)`, counts².
+    pub(crate) squared_radii: Array<u64>,
+}
+
+impl Model {
+    /// Which model this is: equal contents, equal id.
+    pub fn id(&self) -> ModelId {
+        self.id
+    }
+
+    /// What it is and where it came from.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// The sensor whose frames it understands.
+    pub fn layout(&self) -> SensorLayout {
+        self.manifest.plan.sensor
+    }
+
+    /// Raw counts → the scale on which frames are compared.
+    pub fn response(&self) -> &Response {
+        &self.response
+    }
+
+    /// The reference frames, on the response's scale.
+    pub fn frames(&self) -> &Frames {
+        &self.frames
+    }
+
+    /// Frame indices of the landmarks, ascending.
+    pub fn landmarks(&self) -> &[u32] {
+        &self.landmarks
+    }
+
+    /// Geodesics to the landmarks; none for principal component analysis.
+    pub fn geodesics(&self) -> Option<&Geodesics> {
+        self.geodesics.as_ref()
+    }
+
+    /// What embeds a frame.
+    pub fn embedding(&self) -> &Embedding {
+        &self.embedding
+    }
+
+    /// Coordinates of the reference frames, shape `(n_frames, n_dims)`, counts.
+    pub fn coordinates(&self) -> &[f64] {
+        &self.coordinates
+    }
+
+    /// The kinds.
+    pub fn mixture(&self) -> &Mixture {
+        &self.mixture
+    }
+
+    /// Squared distances of the reference frames to their ns-th neighbour, ascending, counts².
+    pub fn squared_radii(&self) -> &[u64] {
+        &self.squared_radii
+    }
+}
+
+impl fmt::Display for ModelId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl fmt::Debug for ModelId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}

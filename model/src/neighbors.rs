@@ -1,0 +1,170 @@
+//! Exact nearest neighbours among the reference frames, by integer arithmetic.
+//!
+//! Counts are `u16`, so a squared distance is at most 65535² · n_readings, and its sum in `u64` is exact, free of order
+//! and the same on every machine. Ties go to the lower frame index.
+
+use crate::frames::Frames;
+
+/// A reference frame near another frame. Orders by distance, then by index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Neighbor {
+    /// Squared Euclidean distance, counts².
+    pub squared_distance: u64,
+    /// Which reference frame.
+    pub frame_index: u32,
+}
+
+impl Neighbor {
+    /// Euclidean distance, counts. In `f32`, which is what geodesics are summed in.
+    pub fn distance(&self) -> f32 {
+        length(self.squared_distance)
+    }
+}
+
+/// Length of a squared distance, counts, rounded once.
+pub fn length(squared_distance: u64) -> f32 {
+    (squared_distance as f64).sqrt() as f32
+}
+
+/// Squared Euclidean distance between two frames of equal length, counts².
+pub fn squared_distance(a: &[u16], b: &[u16]) -> u64 {
+    debug_assert_eq!(a.len(), b.len());
+    a.iter()
+        .zip(b)
+        .map(|(&a, &b)| {
+            let difference = u32::from(a.abs_diff(b));
+            // 65535² is below 2³².
+            u64::from(difference * difference)
+        })
+        .sum()
+}
+
+/// The `nearest.len()` reference frames nearest to a frame, nearest first.
+///
+/// * `query` — counts on the response's scale, shape `(n_readings,)`
+/// * `nearest` — overwritten; at most `n_frames` long
+///
+/// Allocates nothing. O(n_frames · n_readings).
+pub fn nearest(frames: &Frames, query: &[u16], nearest: &mut [Neighbor]) {
+    let candidates =
+        (0..frames.n_frames()).map(|index| neighbor(index, squared_distance(query, frames.row(index))));
+    keep_nearest(candidates, nearest);
+}
+
+/// The `k` nearest other frames of every frame, nearest first, shape `(n_frames, k)`.
+///
+/// * `k` — at most `n_frames` − 1
+/// * `done` — told the number of frames finished, now and then
+///
+/// O(n_frames² · n_readings).
+pub fn nearest_of_each(frames: &Frames, k: usize, done: &mut dyn FnMut(usize)) -> Vec<Neighbor> {
+    let n_frames = frames.n_frames();
+    assert!(k < n_frames, "{k} neighbours among {n_frames} frames");
+    let mut lists = vec![neighbor(0, 0); n_frames * k];
+    // Rows are compared in tiles that stay in cache together: read plainly, 2000 frames of 19840 readings would come
+    // from memory 2000 times.
+    const TILE_BYTES: usize = 1 << 19;
+    let tile = (TILE_BYTES / (2 * frames.n_readings())).clamp(1, n_frames);
+    let mut squared = vec![0; tile * n_frames];
+    for first in (0..n_frames).step_by(tile) {
+        let rows = first..n_frames.min(first + tile);
+        for other in 0..n_frames {
+            for row in rows.clone() {
+                squared[(row - first) * n_frames + other] =
+                    squared_distance(frames.row(row), frames.row(other));
+            }
+        }
+        for row in rows.clone() {
+            let distances = &squared[(row - first) * n_frames..][..n_frames];
+            let others =
+                (0..n_frames).filter(|&other| other != row).map(|other| neighbor(other, distances[other]));
+            keep_nearest(others, &mut lists[row * k..][..k]);
+        }
+        done(rows.end);
+    }
+    lists
+}
+
+fn neighbor(frame_index: usize, squared_distance: u64) -> Neighbor {
+    Neighbor { squared_distance, frame_index: frame_index as u32 }
+}
+
+/// Keeps the least of `candidates`, in order, by insertion: lists are short.
+fn keep_nearest(candidates: impl Iterator<Item = Neighbor>, nearest: &mut [Neighbor]) {
+    let mut n_kept = 0;
+    for candidate in candidates {
+        if n_kept < nearest.len() {
+            n_kept += 1;
+        } else if nearest.last().is_none_or(|last| candidate > *last) {
+            continue;
+        }
+        let mut place = n_kept - 1;
+        while place > 0 && nearest[place - 1] > candidate {
+            nearest[place] = nearest[place - 1];
+            place -= 1;
+        }
+        nearest[place] = candidate;
+    }
+    assert_eq!(n_kept, nearest.len(), "more neighbours asked for than there are frames");
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The plainest way: every distance in 128 bits, then a full sort.
+    fn by_sorting(frames: &Frames, query: &[u16]) -> Vec<Neighbor> {
+        let mut all: Vec<_> = (0..frames.n_frames())
+            .map(|index| {
+                let sum: i128 = query
+                    .iter()
+                    .zip(frames.row(index))
+                    .map(|(&a, &b)| (i128::from(a) - i128::from(b)).pow(2))
+                    .sum();
+                neighbor(index, sum as u64)
+            })
+            .collect();
+        all.sort();
+        all
+    }
+
+    fn few_frames() -> impl Strategy<Value = (Frames, Vec<u16>, usize)> {
+        // A small alphabet makes ties and duplicates common; the extremes show overflow.
+        let reading = prop_oneof![0..4_u16, Just(u16::MAX), any::<u16>()];
+        (1..6_usize, 2..30_usize).prop_flat_map(move |(n_readings, n_frames)| {
+            (
+                prop::collection::vec(reading.clone(), n_readings * n_frames),
+                prop::collection::vec(reading.clone(), n_readings),
+                1..n_frames,
+            )
+                .prop_map(move |(counts, query, k)| (Frames::new(n_readings, counts), query, k))
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn nearest_equals_a_full_sort_with_ties_by_index((frames, query, k) in few_frames()) {
+            let mut found = vec![neighbor(0, 0); k];
+            nearest(&frames, &query, &mut found);
+            prop_assert_eq!(&found[..], &by_sorting(&frames, &query)[..k]);
+        }
+
+        #[test]
+        fn nearest_of_each_equals_a_full_sort_without_the_frame_itself((frames, _, k) in few_frames()) {
+            let lists = nearest_of_each(&frames, k, &mut |_| ());
+            for row in 0..frames.n_frames() {
+                let mut expected = by_sorting(&frames, frames.row(row));
+                expected.retain(|neighbor| neighbor.frame_index as usize != row);
+                prop_assert_eq!(&lists[row * k..][..k], &expected[..k]);
+            }
+        }
+    }
+
+    #[test]
+    fn the_largest_possible_distance_does_not_overflow() {
+        let (black, white) = (vec![0; 19840], vec![u16::MAX; 19840]);
+        assert_eq!(squared_distance(&black, &white), 19840 * 65535 * 65535);
+    }
+}

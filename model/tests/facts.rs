@@ -1,0 +1,239 @@
+//! Facts that hold exactly, on small made-up trips of whole numbers: fitting, classifying, and the model file.
+
+use std::sync::Arc;
+
+use bytes::Bytes;
+use kinds_model::{
+    Classifier, EmPlan, FitError, FitPlan, Frames, Method, Model, ModelFileError, ResponsePlan, Scale,
+    SensorLayout, Status, file, fit, neighbors, refit,
+};
+use proptest::prelude::*;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+const N_READINGS: usize = 6;
+
+/// A robot wanders between a narrow and a wide place: ranges in mm with noise, some invalid, some repeated frames.
+fn trip(n_frames: usize, seed: u64) -> Vec<u16> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut counts = Vec::new();
+    for index in 0..n_frames {
+        let phase = index as f64 / 25.0;
+        let width = 1500.0 + 1000.0 * phase.sin();
+        for reading in 0..N_READINGS {
+            let range = width * (1.2 + (phase + reading as f64).cos()) + random.random_range(-20.0..20.0);
+            let invalid = random.random_range(0..20) == 0;
+            counts.push(if invalid { 0 } else { range.max(1.0) as u16 });
+        }
+    }
+    counts.extend_from_within(..3 * N_READINGS);
+    counts
+}
+
+fn plan(method: Method) -> FitPlan {
+    FitPlan {
+        sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
+        response: ResponsePlan::new(Scale::Inverse, 4.0),
+        method,
+        n_neighbors: 6,
+        n_landmarks: 40,
+        n_dims: 3,
+        em: EmPlan::new(3, 1),
+        seed: 1,
+    }
+}
+
+fn model(method: Method) -> Model {
+    fit(trip(150, 3), &plan(method), vec!["made-up".to_string()], &mut |_, _, _| ()).unwrap()
+}
+
+#[test]
+fn a_reference_frame_embeds_out_of_sample_to_its_in_sample_coordinates_bit_for_bit() {
+    for method in [Method::Isomap, Method::Pca] {
+        let model = Arc::new(model(method));
+        let mut classifier = Classifier::new(Arc::clone(&model));
+        for (frame, place) in trip(150, 3).chunks_exact(N_READINGS).zip(model.coordinates().chunks_exact(3)) {
+            let found = classifier.classify(frame);
+            assert_eq!(found.coordinates, place, "{method:?}");
+            assert_eq!(found.novelty, 0.0);
+        }
+    }
+}
+
+#[test]
+fn euclidean_distances_between_all_frames_are_kept_by_all_components() {
+    // A second method: as many components as readings keep every distance on the response's scale.
+    let all = FitPlan { n_landmarks: usize::MAX, n_dims: N_READINGS, ..plan(Method::Pca) };
+    let model = fit(trip(60, 5), &all, Vec::new(), &mut |_, _, _| ()).unwrap();
+    let place = |index: usize| &model.coordinates()[index * N_READINGS..][..N_READINGS];
+    for a in 0..60 {
+        for b in 0..60 {
+            let expected = neighbors::squared_distance(model.frames().row(a), model.frames().row(b)) as f64;
+            let found: f64 = place(a).iter().zip(place(b)).map(|(a, b)| (a - b) * (a - b)).sum();
+            assert!(
+                (found - expected).abs() <= 1e-9 * expected.max(1e6),
+                "{a} {b}: {found} instead of {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_same_frames_and_plan_give_the_same_bytes() {
+    assert_eq!(file::to_bytes(&model(Method::Isomap)), file::to_bytes(&model(Method::Isomap)));
+}
+
+#[test]
+fn refitting_with_the_same_plan_gives_the_same_model() {
+    let model = model(Method::Isomap);
+    let again = refit(&model, &model.manifest().plan, &mut |_, _, _| ()).unwrap();
+    assert_eq!(again.id(), model.id());
+}
+
+#[test]
+fn an_invalid_frame_is_answered_with_the_mixing_weights_and_says_so() {
+    let model = Arc::new(model(Method::Isomap));
+    let mut classifier = Classifier::new(Arc::clone(&model));
+    let found = classifier.classify(&[0; N_READINGS]);
+    assert_eq!((found.status, found.n_invalid, found.novelty), (Status::Invalid, N_READINGS, 1.0));
+    assert_eq!(found.probabilities, model.mixture().weights());
+    assert!(found.log_likelihood.is_nan());
+}
+
+#[test]
+fn a_frame_unlike_any_seen_is_novel_and_a_slightly_changed_one_is_not() {
+    let model = Arc::new(model(Method::Isomap));
+    let mut classifier = Classifier::new(model);
+    assert_eq!(classifier.classify(&[10, 4000, 10, 4000, 10, 4000]).novelty, 1.0);
+    let mut near = trip(150, 3)[..N_READINGS].to_vec();
+    near[2] += 1;
+    assert!(classifier.classify(&near).novelty < 0.5);
+}
+
+proptest! {
+    #[test]
+    fn probabilities_are_finite_and_sum_to_one_for_any_frame(frame in prop::collection::vec(any::<u16>(), N_READINGS)) {
+        thread_local! {
+            static CLASSIFIERS: std::cell::RefCell<[Classifier; 2]> =
+                [Method::Isomap, Method::Pca].map(|method| Classifier::new(Arc::new(model(method)))).into();
+        }
+        CLASSIFIERS.with_borrow_mut(|classifiers| {
+            for classifier in classifiers {
+                let found = classifier.classify(&frame);
+                prop_assert!(found.probabilities.iter().all(|p| (0.0..=1.0).contains(p)));
+                prop_assert!((found.probabilities.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+                prop_assert!((0.0..=1.0).contains(&found.novelty));
+                let highest = found.probabilities.iter().copied().fold(0.0, f64::max);
+                prop_assert_eq!(found.probabilities[found.kind], highest);
+            }
+            Ok(())
+        })?;
+    }
+}
+
+#[test]
+fn what_cannot_be_fitted_is_refused_in_words() {
+    let refuse =
+        |counts: Vec<u16>, plan: FitPlan| fit(counts, &plan, Vec::new(), &mut |_, _, _| ()).unwrap_err();
+    let isomap = plan(Method::Isomap);
+    assert_eq!(
+        refuse(trip(3, 0), isomap.clone()).to_string(),
+        "6 frames are too few for 6 neighbours each; ask for fewer neighbours or record a longer trip"
+    );
+    assert_eq!(
+        refuse(trip(5, 0), FitPlan { em: EmPlan::new(9, 0), ..isomap.clone() }).to_string(),
+        "8 frames cannot make 9 kinds; ask for fewer kinds or record a longer trip"
+    );
+    assert_eq!(
+        refuse(vec![700; 20 * N_READINGS], isomap.clone()).to_string(),
+        "all 20 frames are equal on the response's scale; there is nothing to tell kinds by"
+    );
+    assert_eq!(
+        refuse(trip(20, 0), FitPlan { n_dims: 40, ..isomap.clone() }).to_string(),
+        "40 dimensions were asked for; there must be between 1 and 32"
+    );
+    assert!(matches!(
+        refuse(trip(20, 0), FitPlan { n_dims: 20, n_landmarks: 10, ..isomap }),
+        FitError::Mds(_)
+    ));
+}
+
+#[test]
+fn a_model_read_from_its_bytes_is_the_same_and_its_frames_lie_in_them() {
+    for method in [Method::Isomap, Method::Pca] {
+        let model = model(method);
+        let bytes = Bytes::from(file::to_bytes(&model));
+        let read = file::from_bytes(&bytes).unwrap();
+        assert_eq!((read.id(), read.manifest()), (model.id(), model.manifest()));
+        assert_eq!(file::to_bytes(&read), bytes);
+        let within = bytes.as_ptr_range();
+        assert!(within.contains(&read.frames().counts().as_ptr().cast()));
+        let (mut first, mut second) = (Classifier::new(Arc::new(model)), Classifier::new(Arc::new(read)));
+        for frame in trip(40, 9).chunks_exact(N_READINGS) {
+            assert_eq!(first.classify(frame), second.classify(frame));
+        }
+    }
+}
+
+#[test]
+fn a_model_cut_off_anywhere_is_refused() {
+    let bytes = Bytes::from(file::to_bytes(&model(Method::Isomap)));
+    for length in (0..bytes.len()).step_by(7) {
+        let error = file::from_bytes(&bytes.slice(..length)).unwrap_err();
+        assert!(
+            matches!(error, ModelFileError::Container { n_bytes, .. } if n_bytes == length),
+            "{length}: {error}"
+        );
+    }
+}
+
+#[test]
+fn a_model_with_a_flipped_bit_is_refused_or_still_the_same_model() {
+    let model = model(Method::Isomap);
+    let whole = file::to_bytes(&model);
+    let header = 8 + u64::from_le_bytes(whole[..8].try_into().unwrap()) as usize;
+    // Every byte of the header, and a stride through the arrays.
+    for place in (0..header).chain((header..whole.len()).step_by(101)) {
+        let mut bytes = whole.clone();
+        bytes[place] ^= 1 << (place % 8);
+        match file::from_bytes(&Bytes::from(bytes)) {
+            Err(error) => assert!(!error.to_string().is_empty()),
+            Ok(read) => {
+                assert_eq!(read.id(), model.id(), "byte {place} changed the model and its name did not")
+            }
+        }
+    }
+}
+
+#[test]
+fn files_that_are_no_models_are_refused_in_words() {
+    let refuse = |bytes: Vec<u8>| file::from_bytes(&Bytes::from(bytes)).unwrap_err().to_string();
+    assert!(
+        refuse(Vec::new())
+            .starts_with("not a whole model file: 0 bytes do not hold what their header announces")
+    );
+    let none: [(&str, safetensors::tensor::TensorView); 0] = [];
+    assert_eq!(
+        refuse(safetensors::serialize(none, None).unwrap()),
+        "not a model of natural kinds: its metadata has no manifest"
+    );
+    let text = file::to_bytes(&model(Method::Pca));
+    let other = replace_once(&text, b"format: 1,", b"format: 2,");
+    assert_eq!(
+        refuse(other),
+        "model file of format 2; this program reads format 1: train anew, or use the program that made it"
+    );
+    let damaged = replace_once(&text, b"n_neighbors: 6,", b"n_neighbors: 5,");
+    assert!(refuse(damaged).starts_with("the model file is damaged: its contents have digest "));
+}
+
+fn replace_once(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
+    let place = bytes.windows(from.len()).position(|window| window == from).expect("it is in there");
+    [&bytes[..place], to, &bytes[place + from.len()..]].concat()
+}
+
+#[test]
+fn frames_are_counted_by_rows() {
+    assert_eq!(Frames::new(N_READINGS, trip(10, 0)).n_frames(), 13);
+}
