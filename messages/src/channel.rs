@@ -1,0 +1,173 @@
+//! What frames and kinds channels have in common: names, limits, opening with patience, and waiting.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use iceoryx2::port::listener::{Listener, ListenerWaitError};
+use iceoryx2::port::notifier::{Notifier, NotifierNotifyError};
+use iceoryx2::prelude::{ServiceName, ipc};
+use iceoryx2::service::port_factory::event::PortFactory as Events;
+
+use crate::error::Obstacle;
+use crate::{ChannelError, Node, SensorName};
+
+/// Most programs that read a sensor's frames at one time.
+pub const MAX_FRAME_READERS: usize = 8;
+/// Frames that wait for a reader; when one more comes, the oldest is gone.
+pub const FRAME_BUFFER: usize = 16;
+/// Most programs that read a sensor's kind reports at one time.
+pub const MAX_REPORT_READERS: usize = 16;
+/// Reports that wait for a reader; when one more comes, the oldest is gone.
+pub const REPORT_BUFFER: usize = 256;
+
+/// How long, and how often at least, opening is tried: long enough for what a killed program left to be cleaned up
+/// by somebody else, short enough that a refusal does not look like a hang.
+const PATIENCE: Duration = Duration::from_millis(500);
+const N_ATTEMPTS_MIN: u32 = 3;
+const PAUSE: Duration = Duration::from_millis(10);
+
+/// Why a wait ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WakeUp {
+    /// Something was sent since the last wait, or a publisher came. Events coalesce: take all messages there are.
+    Event,
+    /// Nothing came.
+    Timeout,
+    /// A signal came: look at the stop flag.
+    Interrupted,
+}
+
+/// What a channel carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    Frames,
+    Kinds,
+}
+
+/// Room on a channel. Part of what processes must agree on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limits {
+    pub(crate) readers: usize,
+    /// Messages waiting for each reader.
+    pub(crate) buffer: usize,
+    /// Messages that a reader may hold at once.
+    pub(crate) held: usize,
+    /// Messages that a late joiner gets.
+    pub(crate) history: usize,
+    /// Messages being filled at once.
+    pub(crate) loans: usize,
+}
+
+impl Limits {
+    pub(crate) const FRAMES: Self =
+        Self { readers: MAX_FRAME_READERS, buffer: FRAME_BUFFER, held: 2, history: 0, loans: 1 };
+    pub(crate) const KINDS: Self =
+        Self { readers: MAX_REPORT_READERS, buffer: REPORT_BUFFER, held: 2, history: 1, loans: 1 };
+
+    /// Programs that may have a channel open: its readers, its publisher, and room for tools and programs that are
+    /// just starting.
+    pub(crate) const fn programs(self) -> usize {
+        self.readers + 8
+    }
+
+    /// Slots that a publisher keeps: what all readers may leave waiting or hold, and what it holds itself.
+    pub(crate) const fn slots(self) -> usize {
+        self.readers * (self.buffer + self.held) + self.history + self.loans
+    }
+}
+
+/// One channel of one sensor.
+#[derive(Clone, Debug)]
+pub(crate) struct Channel {
+    pub(crate) sensor: SensorName,
+    pub(crate) purpose: Purpose,
+    pub(crate) root: PathBuf,
+}
+
+impl Channel {
+    pub(crate) fn new(node: &Node, sensor: &SensorName, purpose: Purpose) -> Self {
+        Self { sensor: sensor.clone(), purpose, root: node.root.clone() }
+    }
+
+    pub(crate) fn name(&self) -> String {
+        let purpose = match self.purpose {
+            Purpose::Frames => "frames",
+            Purpose::Kinds => "kinds",
+        };
+        format!("natural-kinds/{}/{purpose}", self.sensor)
+    }
+
+    pub(crate) fn service_name(&self) -> ServiceName {
+        ServiceName::new(&self.name()).expect("a sensor name is short and of plain characters")
+    }
+
+    pub(crate) fn limits(&self) -> Limits {
+        match self.purpose {
+            Purpose::Frames => Limits::FRAMES,
+            Purpose::Kinds => Limits::KINDS,
+        }
+    }
+
+    /// Opens or makes the channel's events, by which readers are woken.
+    pub(crate) fn events(&self, node: &Node) -> Result<Events<ipc::Service>, Obstacle> {
+        let limits = self.limits();
+        node.inner
+            .service_builder(&self.service_name())
+            .event()
+            .max_listeners(limits.readers)
+            .max_notifiers(1)
+            .max_nodes(limits.programs())
+            .open_or_create()
+            .map_err(|error| Obstacle::events(error, self))
+    }
+}
+
+/// Tries until it works, until it cannot work, or until patience ends, cleaning up after killed programs in between.
+pub(crate) fn patiently<T>(
+    node: &Node,
+    mut attempt: impl FnMut() -> Result<T, Obstacle>,
+) -> Result<T, ChannelError> {
+    let deadline = Instant::now() + PATIENCE;
+    let mut n_attempts = 0;
+    loop {
+        let obstacle = match attempt() {
+            Ok(opened) => return Ok(opened),
+            Err(obstacle) => obstacle,
+        };
+        n_attempts += 1;
+        if !obstacle.passing || (n_attempts >= N_ATTEMPTS_MIN && Instant::now() >= deadline) {
+            return Err(obstacle.error);
+        }
+        node.clean_up_dead_nodes();
+        std::thread::sleep(PAUSE);
+    }
+}
+
+/// Waits for an event of the channel.
+pub(crate) fn wait(
+    listener: &Listener<ipc::Service>,
+    timeout: Duration,
+    channel: &Channel,
+) -> Result<WakeUp, ChannelError> {
+    // A timeout that rounds to 0 µs would be taken for "for ever".
+    let woken = if timeout < Duration::from_micros(1) {
+        listener.try_wait(|_| {})
+    } else {
+        listener.timed_wait(|_| {}, timeout)
+    };
+    match woken {
+        Ok(0) => Ok(WakeUp::Timeout),
+        Ok(_) => Ok(WakeUp::Event),
+        Err(ListenerWaitError::InterruptSignal) => Ok(WakeUp::Interrupted),
+        Err(error) => Err(ChannelError::transport("wait on", channel, error)),
+    }
+}
+
+/// Wakes all readers of the channel.
+pub(crate) fn notify(notifier: &Notifier<ipc::Service>, channel: &Channel) -> Result<(), ChannelError> {
+    match notifier.notify() {
+        // A missed deadline is somebody else's setting; the event was delivered all the same.
+        Ok(_) | Err(NotifierNotifyError::MissedDeadline) => Ok(()),
+        Err(error) => Err(ChannelError::transport("notify readers of", channel, error)),
+    }
+}

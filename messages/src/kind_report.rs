@@ -1,0 +1,177 @@
+//! What the service says about one frame: layout version 1, the same for every language.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+/// Most kinds that a report holds.
+pub const MAX_KINDS: usize = 64;
+/// Most coordinates that a report holds.
+pub const MAX_DIMS: usize = 32;
+
+/// What became of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReportStatus {
+    /// The probabilities are the model's answer to this frame.
+    Classified,
+    /// The frame told nothing; probabilities are finite and sum to 1, but are no answer to it.
+    Invalid,
+}
+
+/// Kind probabilities of one frame, with all that is needed to tell which frame, by which model and how fast.
+///
+/// Fixed size, no pointers, no padding; offsets are asserted below. Probabilities and coordinates are read through
+/// methods, which trust no length that a faulty writer might have left.
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[repr(C)]
+#[type_name("natural_kinds::KindReport")]
+pub struct KindReport {
+    /// [`KindReport::VERSION`] of the program that wrote this.
+    pub version: u32,
+    /// [`KindReport::CLASSIFIED`] or [`KindReport::INVALID`]; read it through [`KindReport::status`].
+    pub status: u32,
+    /// The most probable kind, counted from 0.
+    pub kind: u32,
+    n_kinds: u32,
+    n_dims: u32,
+    /// Readings of the frame without measurement.
+    pub n_invalid: u32,
+    /// The frame's run: start of the driver shim that published it, ns since the epoch.
+    pub run: u64,
+    /// The frame's number within its run.
+    pub sequence: u64,
+    /// Frames of this run that the service missed just before this one.
+    pub n_lost: u64,
+    /// When the sensor captured the frame, ns since the epoch.
+    pub captured_ns: i64,
+    /// When the driver shim sent the frame, [`monotonic_ns`](crate::monotonic_ns).
+    pub sent_monotonic_ns: u64,
+    /// When the service received the frame.
+    pub received_monotonic_ns: u64,
+    /// When the service sent this report. Set by sending.
+    pub reported_monotonic_ns: u64,
+    /// Identity of the model: the first bytes of its digest.
+    pub model_id: [u8; 16],
+    /// ln p(frame) under the mixture; NaN when invalid.
+    pub log_likelihood: f64,
+    /// From 0, like the frames the model was trained on, to 1, unlike any of them.
+    pub novelty: f64,
+    probabilities: [f64; MAX_KINDS],
+    coordinates: [f64; MAX_DIMS],
+}
+
+const _: () = {
+    use std::mem::{offset_of, size_of};
+    assert!(offset_of!(KindReport, version) == 0);
+    assert!(offset_of!(KindReport, status) == 4);
+    assert!(offset_of!(KindReport, kind) == 8);
+    assert!(offset_of!(KindReport, n_kinds) == 12);
+    assert!(offset_of!(KindReport, n_dims) == 16);
+    assert!(offset_of!(KindReport, n_invalid) == 20);
+    assert!(offset_of!(KindReport, run) == 24);
+    assert!(offset_of!(KindReport, sequence) == 32);
+    assert!(offset_of!(KindReport, n_lost) == 40);
+    assert!(offset_of!(KindReport, captured_ns) == 48);
+    assert!(offset_of!(KindReport, sent_monotonic_ns) == 56);
+    assert!(offset_of!(KindReport, received_monotonic_ns) == 64);
+    assert!(offset_of!(KindReport, reported_monotonic_ns) == 72);
+    assert!(offset_of!(KindReport, model_id) == 80);
+    assert!(offset_of!(KindReport, log_likelihood) == 96);
+    assert!(offset_of!(KindReport, novelty) == 104);
+    assert!(offset_of!(KindReport, probabilities) == 112);
+    assert!(offset_of!(KindReport, coordinates) == 624);
+    assert!(size_of::<KindReport>() == 880);
+};
+
+impl KindReport {
+    /// Version of this layout. Readers refuse reports of any other.
+    pub const VERSION: u32 = 1;
+    /// `status` of a frame that was classified.
+    pub const CLASSIFIED: u32 = 0;
+    /// `status` of a frame that told nothing.
+    pub const INVALID: u32 = 1;
+
+    /// What became of the frame. A status that this version does not know counts as invalid.
+    pub fn status(&self) -> ReportStatus {
+        match self.status {
+            Self::CLASSIFIED => ReportStatus::Classified,
+            _ => ReportStatus::Invalid,
+        }
+    }
+
+    /// Probability of each kind, `(n_kinds,)`.
+    pub fn probabilities(&self) -> &[f64] {
+        &self.probabilities[..(self.n_kinds as usize).min(MAX_KINDS)]
+    }
+
+    /// Place of the frame in the embedding, `(n_dims,)`.
+    pub fn coordinates(&self) -> &[f64] {
+        &self.coordinates[..(self.n_dims as usize).min(MAX_DIMS)]
+    }
+
+    /// Sets the probabilities and their number. Panics beyond [`MAX_KINDS`]: no model has more.
+    pub fn set_probabilities(&mut self, probabilities: &[f64]) {
+        self.probabilities[..probabilities.len()].copy_from_slice(probabilities);
+        self.n_kinds = probabilities.len() as u32;
+    }
+
+    /// Sets the coordinates and their number. Panics beyond [`MAX_DIMS`]: no model has more.
+    pub fn set_coordinates(&mut self, coordinates: &[f64]) {
+        self.coordinates[..coordinates.len()].copy_from_slice(coordinates);
+        self.n_dims = coordinates.len() as u32;
+    }
+}
+
+/// A report of this version that says nothing: invalid, of no model, without probabilities.
+impl Default for KindReport {
+    fn default() -> Self {
+        Self {
+            version: Self::VERSION,
+            status: Self::INVALID,
+            kind: 0,
+            n_kinds: 0,
+            n_dims: 0,
+            n_invalid: 0,
+            run: 0,
+            sequence: 0,
+            n_lost: 0,
+            captured_ns: 0,
+            sent_monotonic_ns: 0,
+            received_monotonic_ns: 0,
+            reported_monotonic_ns: 0,
+            model_id: [0; 16],
+            log_likelihood: f64::NAN,
+            novelty: 0.0,
+            probabilities: [0.0; MAX_KINDS],
+            coordinates: [0.0; MAX_DIMS],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn probabilities_and_coordinates_come_back_as_they_were_set() {
+        let mut report = KindReport::default();
+        report.set_probabilities(&[0.25, 0.75]);
+        report.set_coordinates(&[1.0, -2.0, 3.0]);
+        assert_eq!(report.probabilities(), [0.25, 0.75]);
+        assert_eq!(report.coordinates(), [1.0, -2.0, 3.0]);
+    }
+
+    #[test]
+    fn lengths_of_a_faulty_writer_are_clamped() {
+        let report = KindReport { n_kinds: u32::MAX, n_dims: 33, ..KindReport::default() };
+        assert_eq!(report.probabilities().len(), MAX_KINDS);
+        assert_eq!(report.coordinates().len(), MAX_DIMS);
+    }
+
+    #[test]
+    fn unknown_status_counts_as_invalid() {
+        for (status, expected) in
+            [(0, ReportStatus::Classified), (1, ReportStatus::Invalid), (7, ReportStatus::Invalid)]
+        {
+            assert_eq!(KindReport { status, ..KindReport::default() }.status(), expected);
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! What processes agree on in shared memory: frames, kind reports and their channels.
+//!
+//! Two channels belong to every sensor. The driver shim publishes frames on the first; the service reads them where
+//! they lie and publishes a kind report for each on the second, for as many consumers as [`MAX_REPORT_READERS`]:
+//!
+//! ```text
+//! FramePublisher ─ natural-kinds/SENSOR/frames ─▶ FrameReader    (service, recorder)
+//! ReportPublisher ─ natural-kinds/SENSOR/kinds ─▶ ReportReader   (consumers)
+//! ```
+//!
+//! Either end may come first, leave, be killed and come back. Each channel has one publisher at a time; publishing never
+//! waits for a reader: one that is slow loses its oldest messages first, and can tell how many by their sequence.
+//! After opening, iceoryx2's loan is the only allocation that sending makes (one of 48 bytes), and receiving makes none.
+//!
+//! This crate knows no mathematics, and is the only one of the project that knows iceoryx2. Errors are sentences
+//! ([`ChannelError`]); the transport's own words for them are logged through `tracing`, at level debug.
+//!
+//! ```no_run
+//! use kinds_messages::{Domain, Node, ReportReader, SensorName};
+//! use std::time::Duration;
+//!
+//! let node = Node::open(&Domain::default(), "consumer")?;
+//! let sensor: SensorName = "crunch/ring".parse().expect("a name as it should be");
+//! let reports = ReportReader::open(&node, &sensor)?;
+//! loop {
+//!     while let Some(report) = reports.receive()? {
+//!         println!("frame {}: kind {} of {:?}", report.sequence, report.kind, report.probabilities());
+//!     }
+//!     reports.wait(Duration::from_secs(1))?;
+//! }
+//! # #[allow(unreachable_code)]
+//! # Ok::<(), kinds_messages::ChannelError>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod channel;
+mod clock;
+mod domain;
+mod error;
+mod frame_header;
+mod frames;
+mod kind_report;
+mod memory;
+mod name;
+mod node;
+mod reports;
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
+
+pub use channel::{FRAME_BUFFER, MAX_FRAME_READERS, MAX_REPORT_READERS, REPORT_BUFFER, WakeUp};
+pub use clock::{monotonic_ns, ns_since_epoch};
+pub use domain::{Domain, DomainError};
+pub use error::ChannelError;
+pub use frame_header::{Command, FrameHeader, Pose};
+pub use frames::{Frame, FrameLoan, FramePublisher, FrameReader};
+pub use kind_report::{KindReport, MAX_DIMS, MAX_KINDS, ReportStatus};
+pub use memory::{frames_memory_bytes, reports_memory_bytes};
+pub use name::{SensorName, SensorNameError};
+pub use node::Node;
+pub use reports::{ReportPublisher, ReportReader, ServiceId};

@@ -1,0 +1,92 @@
+//! This process as a member of a domain.
+
+use std::path::PathBuf;
+use std::rc::Rc;
+
+use iceoryx2::prelude::{LogLevel, NodeBuilder, NodeName, SignalHandlingMode, ipc, set_log_level};
+use tracing::level_filters::LevelFilter;
+
+use crate::{ChannelError, Domain};
+
+/// This process as a member of a domain: what channels are opened with. A clone is the same member.
+///
+/// Stays with the thread that opened it, like everything opened with it; another thread opens its own.
+#[derive(Clone, Debug)]
+pub struct Node {
+    pub(crate) inner: Rc<iceoryx2::node::Node<ipc::Service>>,
+    pub(crate) root: PathBuf,
+}
+
+impl Node {
+    /// Joins a domain under a name for people, such as the program's, and removes what killed programs left behind.
+    ///
+    /// Signals are left to the caller: a wait that one interrupts says so.
+    pub fn open(domain: &Domain, process_name: &str) -> Result<Self, ChannelError> {
+        let config = domain.config()?;
+        let name = NodeName::new(process_name).map_err(|_| ChannelError::ProcessName {
+            name: process_name.to_owned(),
+            limit: NodeName::max_len(),
+        })?;
+        set_log_level(log_level());
+        let inner = NodeBuilder::new()
+            .name(&name)
+            .config(&config)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<ipc::Service>()
+            .map_err(|error| ChannelError::node(error, domain))?;
+        let node = Self { inner: Rc::new(inner), root: domain.root.clone() };
+        node.clean_up_dead_nodes();
+        Ok(node)
+    }
+
+    /// Removes what killed programs left behind in this domain, and returns how many there were.
+    ///
+    /// Nobody learns of a killed peer, and its place is not free, until somebody calls this: call it every few
+    /// seconds. Costs about 0.1 ms and allocates.
+    pub fn clean_up_dead_nodes(&self) -> u64 {
+        self.inner.try_cleanup_dead_nodes().cleanups
+    }
+}
+
+/// The transport warns of its own affairs in its own words, which belong in nobody's terminal: errors pass, the rest is
+/// there for whoever asks `tracing` for debug. Read once per node, so subscribers are to be installed before.
+fn log_level() -> LogLevel {
+    match LevelFilter::current() {
+        LevelFilter::TRACE => LogLevel::Trace,
+        LevelFilter::DEBUG => LogLevel::Debug,
+        LevelFilter::OFF => LogLevel::Fatal,
+        _ => LogLevel::Error,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::TestDomain;
+
+    #[test]
+    fn root_where_nothing_can_be_made_is_refused_in_words() {
+        let test = TestDomain::new();
+        let file = test.root.join("file");
+        std::fs::write(&file, "").unwrap();
+        let domain = Domain { root: file.join("root"), prefix: test.prefix.clone() };
+        assert_eq!(
+            Node::open(&domain, "test").unwrap_err().to_string(),
+            format!(
+                "cannot join the channels under {}/root: files cannot be made there; run all programs of a robot as \
+                 one user, who may write there, or choose another root",
+                file.display()
+            )
+        );
+    }
+
+    #[test]
+    fn process_name_that_is_too_long_is_refused_in_words() {
+        let test = TestDomain::new();
+        let name = "x".repeat(200);
+        assert_eq!(
+            Node::open(&test, &name).unwrap_err().to_string(),
+            format!("process name \"{name}\" cannot be used; give at most 128 ASCII characters")
+        );
+    }
+}

@@ -1,0 +1,202 @@
+//! The kinds channel of a sensor: one service publishes, up to
+//! [`MAX_REPORT_READERS`](crate::MAX_REPORT_READERS) programs read.
+//!
+//! A late joiner gets the last report. A slow reader finds at most the last [`REPORT_BUFFER`](crate::REPORT_BUFFER),
+//! and gaps in their sequence.
+
+use std::cell::Cell;
+use std::time::Duration;
+
+use iceoryx2::identifiers::UniquePublisherId;
+use iceoryx2::port::ReceiveError;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ipc};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use crate::channel::{Channel, Purpose, WakeUp, notify, patiently, wait};
+use crate::error::Obstacle;
+use crate::memory::{check_free, reports_memory_bytes};
+use crate::{ChannelError, KindReport, Node, SensorName, monotonic_ns};
+
+type Reports = PortFactory<ipc::Service, KindReport, ()>;
+
+/// The service's end: the only one at a time.
+#[derive(Debug)]
+pub struct ReportPublisher {
+    // Dropped in this order: the place of the publisher is the last to become free.
+    notifier: Notifier<ipc::Service>,
+    publisher: Publisher<ipc::Service, KindReport, ()>,
+    reports: Reports,
+    channel: Channel,
+    /// The readers at the last tick.
+    readers: Cell<ReaderSet>,
+}
+
+impl ReportPublisher {
+    /// Opens the channel.
+    ///
+    /// Fails when another program serves this sensor, and when [`reports_memory_bytes`] of shared memory are not
+    /// free. Takes the place of a program that has been killed.
+    pub fn create(node: &Node, sensor: &SensorName) -> Result<Self, ChannelError> {
+        let channel = Channel::new(node, sensor, Purpose::Kinds);
+        check_free(&channel, reports_memory_bytes())?;
+        patiently(node, || Self::try_create(node, &channel))
+    }
+
+    fn try_create(node: &Node, channel: &Channel) -> Result<Self, Obstacle> {
+        let reports = open_reports(node, channel)?;
+        // The transport would refuse as well, but only after making its slots.
+        if reports.dynamic_config().number_of_publishers() > 0 {
+            return Err(Obstacle::occupied(channel));
+        }
+        let publisher = reports
+            .publisher_builder()
+            .max_loaned_samples(channel.limits().loans)
+            .create()
+            .map_err(|error| Obstacle::publisher(error, channel))?;
+        let notifier = channel
+            .events(node)?
+            .notifier_builder()
+            .create()
+            .map_err(|error| Obstacle::notifier(error, channel))?;
+        // Readers connect when they look; this makes them look.
+        let _ = notifier.notify();
+        Ok(Self { notifier, publisher, reports, channel: channel.clone(), readers: Cell::default() })
+    }
+
+    /// Sends a report, with the time of sending, and wakes the readers. Never waits for one.
+    pub fn send(&self, report: &KindReport) -> Result<(), ChannelError> {
+        let slot = self
+            .publisher
+            .loan_uninit()
+            .map_err(|error| ChannelError::transport("lend a report of", &self.channel, error))?;
+        let mut sent = *report;
+        sent.reported_monotonic_ns = monotonic_ns();
+        slot.write_payload(sent)
+            .send()
+            .map_err(|error| ChannelError::transport("send a report on", &self.channel, error))?;
+        notify(&self.notifier, &self.channel)
+    }
+
+    /// Gives readers that came since the last report that report, and wakes them. Call it once per tick, for when none
+    /// are sent.
+    pub fn update(&self) -> Result<(), ChannelError> {
+        let readers = self.reader_set();
+        self.publisher
+            .update_connections()
+            .map_err(|error| ChannelError::transport("connect readers of", &self.channel, error))?;
+        // The transport delivers the last report without a word; a reader that waits would go on waiting.
+        if self.readers.replace(readers) != readers {
+            notify(&self.notifier, &self.channel)?;
+        }
+        Ok(())
+    }
+
+    fn reader_set(&self) -> ReaderSet {
+        let mut readers = ReaderSet::default();
+        self.reports.dynamic_config().list_subscribers(|reader| {
+            readers.0 ^= reader.subscriber_id.value();
+            CallbackProgression::Continue
+        });
+        readers
+    }
+
+    /// How many readers there are, counting those that were killed and not yet cleaned up.
+    pub fn n_readers(&self) -> usize {
+        self.reports.dynamic_config().number_of_subscribers()
+    }
+}
+
+/// Who reads, as the exclusive or of their identities: enough to notice that it is not the same readers as before.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct ReaderSet(u128);
+
+/// A reader's end.
+#[derive(Debug)]
+pub struct ReportReader {
+    subscriber: Subscriber<ipc::Service, KindReport, ()>,
+    listener: Listener<ipc::Service>,
+    reports: Reports,
+    channel: Channel,
+}
+
+impl ReportReader {
+    /// Opens the channel, whether or not a service is there.
+    pub fn open(node: &Node, sensor: &SensorName) -> Result<Self, ChannelError> {
+        let channel = Channel::new(node, sensor, Purpose::Kinds);
+        patiently(node, || Self::try_open(node, &channel))
+    }
+
+    fn try_open(node: &Node, channel: &Channel) -> Result<Self, Obstacle> {
+        let reports = open_reports(node, channel)?;
+        // First the listener: whatever the subscriber gets, an event tells of it.
+        let listener = channel
+            .events(node)?
+            .listener_builder()
+            .create()
+            .map_err(|error| Obstacle::listener(error, channel))?;
+        let subscriber =
+            reports.subscriber_builder().create().map_err(|error| Obstacle::subscriber(error, channel))?;
+        Ok(Self { subscriber, listener, reports, channel: channel.clone() })
+    }
+
+    /// The oldest report that waits, if any: a copy, so that a reader holds no slot.
+    pub fn receive(&self) -> Result<Option<KindReport>, ChannelError> {
+        let slot = self.subscriber.receive().map_err(|error| match error {
+            ReceiveError::ExceedsMaxBorrows => {
+                ChannelError::TooManyHeld { channel: self.channel.name(), limit: self.channel.limits().held }
+            }
+            other => ChannelError::transport("receive a report on", &self.channel, other),
+        })?;
+        let Some(report) = slot.map(|slot| *slot.payload()) else { return Ok(None) };
+        if report.version != KindReport::VERSION {
+            return Err(ChannelError::OtherVersion {
+                channel: self.channel.name(),
+                found: report.version,
+                expected: KindReport::VERSION,
+            });
+        }
+        Ok(Some(report))
+    }
+
+    /// Waits until reports may be there, at most for `timeout`. Take all of them before waiting again.
+    ///
+    /// A joiner's last report comes with the service's next tick.
+    pub fn wait(&self, timeout: Duration) -> Result<WakeUp, ChannelError> {
+        wait(&self.listener, timeout, &self.channel)
+    }
+
+    /// Which service is there, if any, or was killed and not yet cleaned up. Another one has another identity.
+    pub fn service(&self) -> Option<ServiceId> {
+        let mut service = None;
+        self.reports.dynamic_config().list_publishers(|publisher| {
+            service = Some(ServiceId(publisher.publisher_id));
+            CallbackProgression::Stop
+        });
+        service
+    }
+}
+
+/// Identity of a service while it lives, to notice that it is another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServiceId(UniquePublisherId);
+
+fn open_reports(node: &Node, channel: &Channel) -> Result<Reports, Obstacle> {
+    let limits = channel.limits();
+    node.inner
+        .service_builder(&channel.service_name())
+        .publish_subscribe::<KindReport>()
+        .max_publishers(1)
+        .max_subscribers(limits.readers)
+        .max_nodes(limits.programs())
+        .subscriber_max_buffer_size(limits.buffer)
+        .subscriber_max_borrowed_samples(limits.held)
+        .history_size(limits.history)
+        .enable_safe_overflow(true)
+        .open_or_create()
+        .map_err(|error| Obstacle::messages(error, channel))
+}
