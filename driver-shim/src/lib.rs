@@ -1,0 +1,28 @@
+//! Sensors to the frames channel: the trait [`Sensor`], one module per device, and the [`Shim`] that publishes one.
+//!
+//! ```text
+//! device ─ Sensor::read, into a loan ─▶ Shim ─▶ [frames channel]
+//! ```
+//!
+//! A device writes its counts where readers will read them. It decides when a frame is there; the shim numbers frames,
+//! sends them, and looks after who comes and goes. How far it waits for others is its [`Flow`]: a robot's sensor waits
+//! for nobody, a replayed trip can wait for every report.
+//!
+//! Devices: [`Replay`] of a recorded trip.
+#![forbid(unsafe_code)]
+
+mod flow;
+mod notice;
+mod pace;
+mod replay;
+mod sensor;
+mod shim;
+#[cfg(test)]
+mod tests;
+
+pub use flow::{FOLLOW_WINDOW, Flow};
+pub use notice::Notice;
+pub use pace::{Pace, PaceError, Speed};
+pub use replay::Replay;
+pub use sensor::{Reading, Sensor, SensorError};
+pub use shim::{Shim, ShimError, Summary};

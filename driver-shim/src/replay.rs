@@ -1,0 +1,183 @@
+//! A recorded trip as a device.
+
+use std::time::{Duration, Instant};
+
+use kinds_messages::Pose;
+use kinds_trips::{FrameInfo, FrameLayout, TripReader};
+
+use crate::pace::Schedule;
+use crate::{Pace, Reading, Sensor, SensorError};
+
+/// A recorded trip as a device. Its time begins with the first frame that is read.
+pub struct Replay {
+    trip: TripReader,
+    schedule: Schedule,
+    clock: Box<dyn Clock>,
+    /// Written to the counts already, and not yet due.
+    pending: Option<FrameInfo>,
+}
+
+impl Replay {
+    /// Replays the rest of a trip at a pace.
+    pub fn new(trip: TripReader, pace: Pace) -> Self {
+        Self::with_clock(trip, pace, Box::new(SystemClock { start: Instant::now() }))
+    }
+
+    pub(crate) fn with_clock(trip: TripReader, pace: Pace, clock: Box<dyn Clock>) -> Self {
+        Self { trip, schedule: Schedule::new(pace), clock, pending: None }
+    }
+
+    /// The trip, for what it has to say at its end.
+    pub fn trip(&self) -> &TripReader {
+        &self.trip
+    }
+}
+
+impl Sensor for Replay {
+    fn layout(&self) -> FrameLayout {
+        self.trip.layout()
+    }
+
+    fn read(&mut self, counts: &mut [u16], timeout: Duration) -> Result<Reading, SensorError> {
+        let next = match self.pending.take() {
+            Some(pending) => Some(pending),
+            None => self.trip.next_frame(counts)?,
+        };
+        let Some(frame) = next else { return Ok(Reading::End) };
+        let wait = self.schedule.wait(frame.captured, self.clock.now());
+        self.clock.sleep(wait.min(timeout));
+        if wait > timeout {
+            self.pending = Some(frame);
+            return Ok(Reading::NotYet);
+        }
+        let pose = frame.pose.map(|pose| Pose { x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad });
+        Ok(Reading::Frame { captured: frame.captured, pose, command: None })
+    }
+}
+
+/// Time to replay by.
+pub(crate) trait Clock {
+    /// Time since some start.
+    fn now(&self) -> Duration;
+    /// Lets time pass.
+    fn sleep(&self, duration: Duration);
+}
+
+struct SystemClock {
+    start: Instant,
+}
+
+impl Clock for SystemClock {
+    fn now(&self) -> Duration {
+        self.start.elapsed()
+    }
+
+    fn sleep(&self, duration: Duration) {
+        if !duration.is_zero() {
+            std::thread::sleep(duration);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+    use std::path::Path;
+    use std::rc::Rc;
+
+    use kinds_trips::{Pose as TripPose, Scan, Selection, Stamp, TripWriter, WriterOptions};
+
+    use super::*;
+
+    /// A clock on which only sleeping takes time.
+    #[derive(Clone, Default)]
+    struct SleepClock(Rc<Cell<Duration>>);
+
+    impl Clock for SleepClock {
+        fn now(&self) -> Duration {
+            self.0.get()
+        }
+
+        fn sleep(&self, duration: Duration) {
+            self.0.set(self.0.get() + duration);
+        }
+    }
+
+    const CAPTURED_MS: [i64; 4] = [10_000, 10_100, 10_130, 10_500];
+
+    fn write_trip(path: &Path) {
+        let mut writer = TripWriter::create(path, &WriterOptions::default()).unwrap();
+        for (index, ms) in CAPTURED_MS.into_iter().enumerate() {
+            let at = Stamp(ms * 1_000_000);
+            let count = index as u16 * 10;
+            let scan = Scan {
+                counts: &[count + 1000, count + 2000, count + 3000],
+                metres_per_count: 0.001,
+                bearing_rad_min: 0.0,
+                bearing_step_rad: 1.0,
+                range_m_min: 0.05,
+                range_m_max: 8.0,
+            };
+            let pose = TripPose { x_m: index as f64, y_m: 0.5, yaw_rad: 0.25 };
+            writer.write_odometry("/odom", at, &pose).unwrap();
+            writer.write_scan("/scan", at, &scan).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+
+    /// Reads a trip to its end: when each frame came, its counts, and what was said of it.
+    fn replay(pace: &str, timeout: Duration) -> (Vec<(Duration, Vec<u16>, Reading)>, usize) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trip.mcap");
+        write_trip(&path);
+        let trip = TripReader::open(&path, &Selection::default()).unwrap();
+        let clock = SleepClock::default();
+        let mut replay = Replay::with_clock(trip, pace.parse().unwrap(), Box::new(clock.clone()));
+        assert_eq!(replay.layout(), FrameLayout { rows: 1, columns: 3, metres_per_count: 0.001 });
+        let (mut frames, mut n_not_yet) = (Vec::new(), 0);
+        let mut counts = vec![0; 3];
+        loop {
+            match replay.read(&mut counts, timeout).unwrap() {
+                Reading::End => return (frames, n_not_yet),
+                Reading::NotYet => n_not_yet += 1,
+                frame @ Reading::Frame { .. } => {
+                    frames.push((clock.now(), std::mem::replace(&mut counts, vec![0; 3]), frame));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn frames_come_in_order_at_a_multiple_of_the_recorded_pace() {
+        for (pace, due_ms) in [("1", [0, 100, 130, 500]), ("10", [0, 10, 13, 50]), ("max", [0; 4])] {
+            let (frames, _) = replay(pace, Duration::from_secs(1));
+            let due: Vec<Duration> = frames.iter().map(|frame| frame.0).collect();
+            assert_eq!(due, due_ms.map(Duration::from_millis), "at {pace}");
+        }
+    }
+
+    #[test]
+    fn frames_keep_their_counts_stamps_and_poses() {
+        let (frames, _) = replay("1", Duration::from_secs(1));
+        let (_, counts, reading) = &frames[2];
+        assert_eq!(counts, &[1020, 2020, 3020]);
+        let pose = Pose { x_m: 2.0, y_m: 0.5, yaw_rad: 0.25 };
+        let &Reading::Frame { captured, pose: Some(found), command: None } = reading else {
+            panic!("{reading:?}")
+        };
+        assert_eq!(captured, Stamp(10_130_000_000));
+        // The heading has been through a quaternion and back.
+        assert_eq!((found.x_m, found.y_m), (pose.x_m, pose.y_m));
+        assert!((found.yaw_rad - pose.yaw_rad).abs() < 1e-12);
+    }
+
+    #[test]
+    fn waits_longer_than_the_timeout_are_broken_up_and_change_nothing() {
+        let (whole, none) = replay("1", Duration::from_secs(1));
+        let (broken, n_not_yet) = replay("1", Duration::from_millis(50));
+        assert_eq!(none, 0);
+        // 100 ms = 50 and 50, 30 ms, 370 ms = 7 × 50 and 20.
+        assert_eq!(n_not_yet, 8);
+        assert_eq!(broken, whole);
+    }
+}

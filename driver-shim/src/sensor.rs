@@ -1,0 +1,48 @@
+//! What a device is to the shim.
+
+use std::time::Duration;
+
+use kinds_messages::{Command, Pose};
+use kinds_trips::{FrameLayout, Stamp, TripError};
+
+/// A source of frames.
+pub trait Sensor {
+    /// What all of its frames look like.
+    fn layout(&self) -> FrameLayout;
+
+    /// Waits for the next frame and writes its counts.
+    ///
+    /// * `counts` — `(n_readings,)`, in shared memory. After [`Reading::NotYet`] the next call gets the same slice with
+    ///   what was written to it; after [`Reading::Frame`] it gets another one.
+    /// * `timeout` — longest wait, so that whoever calls can end.
+    ///
+    /// After an error or [`Reading::End`] it is not called again.
+    fn read(&mut self, counts: &mut [u16], timeout: Duration) -> Result<Reading, SensorError>;
+}
+
+/// What became of waiting for a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reading {
+    /// A frame: all counts are written.
+    Frame {
+        /// When the sensor captured it.
+        captured: Stamp,
+        /// Where the robot was, where it knew.
+        pose: Option<Pose>,
+        /// What the robot had been told to do, where it knew.
+        command: Option<Command>,
+    },
+    /// None within the timeout.
+    NotYet,
+    /// There are no more frames.
+    End,
+}
+
+/// Why a device cannot go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SensorError {
+    /// A replayed trip cannot be read further.
+    #[error(transparent)]
+    Trip(#[from] TripError),
+}

@@ -1,0 +1,130 @@
+//! The loop that publishes one device.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use kinds_messages::{ChannelError, FrameHeader, FramePublisher, Node, SensorName, ns_since_epoch};
+use kinds_trips::FrameLayout;
+
+use crate::flow::{TICK, Traffic};
+use crate::{Flow, Notice, Reading, Sensor, SensorError};
+
+/// Publishes one device under a sensor's name.
+pub struct Shim<S> {
+    device: S,
+    /// Of every frame, but for its number, time, pose and command.
+    header: FrameHeader,
+    frames: FramePublisher,
+    traffic: Traffic,
+    n_frames: u64,
+}
+
+/// What a shim did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Frames sent.
+    pub n_frames: u64,
+    /// Of these, left unreported by services that went or fell silent. Only counted when services are followed.
+    pub n_unreported: u64,
+    /// From the first frame to the end.
+    pub duration: Duration,
+}
+
+/// Why a shim cannot go on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ShimError {
+    /// The frames channel, or the kinds channel that is followed.
+    #[error(transparent)]
+    Channel(#[from] ChannelError),
+    /// The device.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+}
+
+impl<S: Sensor> Shim<S> {
+    /// Opens the frames channel of a sensor. Fails when another shim publishes it.
+    pub fn new(node: &Node, sensor: &SensorName, device: S, flow: Flow) -> Result<Self, ChannelError> {
+        let FrameLayout { rows, columns, metres_per_count } = device.layout();
+        let run = ns_since_epoch() as u64;
+        let header = FrameHeader { run, rows, columns, metres_per_count, ..FrameHeader::default() };
+        let frames = FramePublisher::create(node, sensor, device.layout().n_readings())?;
+        let traffic = Traffic::open(node, sensor, flow, run)?;
+        Ok(Self { device, header, frames, traffic, n_frames: 0 })
+    }
+
+    /// Publishes until the device ends or `stop` is set; returns what was done, and tells on the way what it waits for.
+    ///
+    /// Sees the flag after 50 ms at most. When the device ends, or fails, stays until its last frames have been
+    /// reported, and 100 ms more: frames that no reader has looked at go with their publisher.
+    pub fn run(&mut self, stop: &AtomicBool, notice: &mut dyn FnMut(Notice)) -> Result<Summary, ShimError> {
+        if !self.traffic.await_reader(&self.frames, stop, notice)? {
+            return Ok(Summary::default());
+        }
+        let start = Instant::now();
+        loop {
+            match self.publish_next(stop, notice) {
+                Ok(Published::Frame) => {}
+                Ok(Published::Stopped) => break,
+                Ok(Published::All) => {
+                    self.traffic.linger(self.n_frames, stop)?;
+                    break;
+                }
+                Err(ShimError::Sensor(error)) => {
+                    // What came before is good: let it be read.
+                    self.traffic.linger(self.n_frames, stop)?;
+                    return Err(error.into());
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(Summary {
+            n_frames: self.n_frames,
+            n_unreported: self.traffic.n_unreported(),
+            duration: start.elapsed(),
+        })
+    }
+
+    /// The device, for what it has to say at its end.
+    pub fn device(&self) -> &S {
+        &self.device
+    }
+
+    /// Publishes the device's next frame, however long it takes.
+    fn publish_next(
+        &mut self,
+        stop: &AtomicBool,
+        notice: &mut dyn FnMut(Notice),
+    ) -> Result<Published, ShimError> {
+        let mut loan = self.frames.loan()?;
+        let header = loop {
+            match self.device.read(loan.counts_mut(), TICK)? {
+                Reading::Frame { captured, pose, command } => {
+                    let captured_ns = captured.0;
+                    let header = FrameHeader { sequence: self.n_frames, captured_ns, ..self.header };
+                    break header.with_pose(pose).with_command(command);
+                }
+                Reading::NotYet if stop.load(Ordering::Relaxed) => return Ok(Published::Stopped),
+                Reading::NotYet => {
+                    self.frames.update()?;
+                    self.traffic.clean_up();
+                }
+                Reading::End => return Ok(Published::All),
+            }
+        };
+        // Only now, with the frame ready: a device that has ended does not wait for room that it has no use for.
+        if !self.traffic.await_room(self.n_frames, stop, notice)? {
+            return Ok(Published::Stopped);
+        }
+        loan.send(&header)?;
+        self.n_frames += 1;
+        Ok(Published::Frame)
+    }
+}
+
+/// What became of publishing the next frame.
+enum Published {
+    Frame,
+    Stopped,
+    All,
+}
