@@ -1,0 +1,175 @@
+//! The loop that serves one sensor.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use kinds_messages::{
+    ChannelError, FRAME_BUFFER, Frame, FrameReader, KindReport, MAX_DIMS, MAX_KINDS, Node, ReportPublisher,
+    SensorName, monotonic_ns,
+};
+use kinds_model::{Classification, N_DIMS_MAX, N_KINDS_MAX, SensorLayout, Status};
+
+use crate::Classify;
+use crate::refusal::{Refusal, Refusals};
+use crate::sequence::{Place, Sequence};
+
+// Whatever a model says fits in a report.
+const _: () = assert!(N_KINDS_MAX <= MAX_KINDS && N_DIMS_MAX <= MAX_DIMS);
+
+/// Longest time between two looks at the stop flag and at late joiners.
+const TICK: Duration = Duration::from_millis(50);
+/// How often what killed programs left is looked for.
+const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
+
+/// Serves one sensor with one model.
+#[derive(Debug)]
+pub struct Service<C> {
+    node: Node,
+    sensor: SensorName,
+    frames: FrameReader,
+    reports: ReportPublisher,
+    classifier: C,
+    layout: SensorLayout,
+    sequence: Sequence,
+    refusals: Refusals,
+    /// Filled anew for every frame.
+    report: KindReport,
+    summary: Summary,
+    shim_is_there: bool,
+}
+
+/// What a service did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Frames that came.
+    pub n_frames: u64,
+    /// Of these, classified and reported.
+    pub n_classified: u64,
+    /// Of these, reported as invalid.
+    pub n_invalid: u64,
+    /// Of these, come twice or out of order, and left alone.
+    pub n_repeated: u64,
+    /// Of these, not for the model.
+    pub n_refused: u64,
+    /// Frames that never came, by the gaps in their sequence.
+    pub n_lost: u64,
+}
+
+impl<C: Classify> Service<C> {
+    /// Opens both channels of a sensor.
+    ///
+    /// Fails when another service serves this sensor. The frames channel is opened before the kinds channel: a driver
+    /// shim that sees a service may rely on its frames' being received.
+    pub fn start(node: &Node, sensor: &SensorName, classifier: C) -> Result<Self, ChannelError> {
+        let frames = FrameReader::open(node, sensor)?;
+        let reports = ReportPublisher::create(node, sensor)?;
+        let shim_is_there = frames.is_published();
+        let mut report = KindReport::default();
+        report.model_id = classifier.model_id().0;
+        Ok(Self {
+            node: node.clone(),
+            sensor: sensor.clone(),
+            frames,
+            reports,
+            layout: classifier.layout(),
+            classifier,
+            sequence: Sequence::new(shim_is_there),
+            refusals: Refusals::default(),
+            report,
+            summary: Summary::default(),
+            shim_is_there,
+        })
+    }
+
+    /// Serves until `stop` is set, then serves the frames that wait already, and ends.
+    ///
+    /// Sees the flag after 50 ms at most, or at once when a signal sets it. Returns what was done since the start.
+    pub fn run(&mut self, stop: &AtomicBool) -> Result<Summary, ChannelError> {
+        if !self.shim_is_there {
+            tracing::info!(sensor = %self.sensor, "waiting for a driver shim to publish this sensor");
+        }
+        let mut last_clean_up = Instant::now();
+        loop {
+            // Read before serving: frames that were sent before the flag was set are served.
+            let stopping = stop.load(Ordering::Relaxed);
+            let n_served = self.serve_waiting()?;
+            if stopping {
+                return Ok(self.summary);
+            }
+            if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
+                self.node.clean_up_dead_nodes();
+                last_clean_up = Instant::now();
+            }
+            self.reports.update()?;
+            self.look_for_shim();
+            if n_served < FRAME_BUFFER {
+                self.frames.wait(TICK)?;
+            }
+        }
+    }
+
+    /// Serves the frames that wait, but at most a buffer full, so that a fast driver shim cannot keep us from the rest
+    /// of the loop.
+    fn serve_waiting(&mut self) -> Result<usize, ChannelError> {
+        for n_served in 0..FRAME_BUFFER {
+            let Some(frame) = self.frames.receive()? else { return Ok(n_served) };
+            self.serve(&frame, monotonic_ns())?;
+        }
+        Ok(FRAME_BUFFER)
+    }
+
+    fn serve(&mut self, frame: &Frame, received_monotonic_ns: u64) -> Result<(), ChannelError> {
+        let header = *frame.header();
+        self.summary.n_frames += 1;
+        if let Some(refusal) = Refusal::of(frame, self.layout) {
+            self.summary.n_refused += 1;
+            self.refusals.say_once(&self.sensor, header.run, refusal);
+            return Ok(());
+        }
+        let Place::New { n_lost } = self.sequence.take(header.run, header.sequence) else {
+            self.summary.n_repeated += 1;
+            return Ok(());
+        };
+        self.summary.n_lost = self.summary.n_lost.saturating_add(n_lost);
+        let classification = self.classifier.classify(frame.counts());
+        match classification.status {
+            Status::Classified => self.summary.n_classified += 1,
+            Status::Invalid => self.summary.n_invalid += 1,
+        }
+        let report = &mut self.report;
+        report.run = header.run;
+        report.sequence = header.sequence;
+        report.n_lost = n_lost;
+        report.captured_ns = header.captured_ns;
+        report.sent_monotonic_ns = header.sent_monotonic_ns;
+        report.received_monotonic_ns = received_monotonic_ns;
+        fill(report, classification);
+        self.reports.send(report)
+    }
+
+    fn look_for_shim(&mut self) {
+        let is_there = self.frames.is_published();
+        if is_there != self.shim_is_there {
+            self.shim_is_there = is_there;
+            let sensor = &self.sensor;
+            if is_there {
+                tracing::info!(%sensor, "a driver shim publishes this sensor");
+            } else {
+                tracing::info!(%sensor, "the driver shim is gone; waiting for another to publish this sensor");
+            }
+        }
+    }
+}
+
+fn fill(report: &mut KindReport, classification: &Classification) {
+    report.status = match classification.status {
+        Status::Classified => KindReport::CLASSIFIED,
+        Status::Invalid => KindReport::INVALID,
+    };
+    report.kind = classification.kind as u32;
+    report.n_invalid = classification.n_invalid as u32;
+    report.log_likelihood = classification.log_likelihood;
+    report.novelty = classification.novelty;
+    report.set_probabilities(&classification.probabilities);
+    report.set_coordinates(&classification.coordinates);
+}
