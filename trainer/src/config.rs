@@ -1,0 +1,256 @@
+//! What a person says about training (RON or flags), and the checked plan that it becomes for a sensor.
+
+use kinds_model::{EmPlan, FitPlan, Method, N_DIMS_MAX, N_KINDS_MAX, ResponsePlan, Scale, SensorLayout};
+use kinds_trips::Selection;
+use serde::Deserialize;
+
+/// Training as a RON file says it. Every field may be left out; then the sensor and the trips decide.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Scale on which frames are compared: range, log or inverse. Default: inverse.
+    pub response: Option<Scale>,
+    /// Largest useful range, metres, above 0. Default: the 99th percentile of the trips' valid readings.
+    pub range_m_max: Option<f64>,
+    /// Range that invalid readings are taken for, metres, 0 to `range_m_max`. Default: `range_m_max`.
+    pub invalid_range_m: Option<f64>,
+    /// Offset of the log and inverse scales, metres, above 0. Default: 0.3.
+    pub offset_m: Option<f64>,
+    /// Isomap or PCA. Default: Isomap.
+    pub method: Option<Method>,
+    /// Neighbours in the graph, at least 1. Default: 10.
+    pub neighbors: Option<usize>,
+    /// Landmarks, at least 1. Default: 1000, or all frames if there are fewer.
+    pub landmarks: Option<usize>,
+    /// Dimensions, 1 to 32. Default: 8 for rings of up to 64 readings, 15 for cameras.
+    pub dims: Option<usize>,
+    /// Kinds, 1 to 64. Default: 5 for rings of up to 64 readings, 8 for cameras.
+    pub kinds: Option<usize>,
+    /// Starts of the mixture, at least 1. Default: 10.
+    pub starts: Option<usize>,
+    /// Least variance of a kind in any direction, share of the mean variance, above 0 and below 1. Default: 0.001.
+    pub covariance_floor: Option<f64>,
+    /// Seed of landmarks and mixture. Default: 0.
+    pub seed: Option<u64>,
+    /// Metres per count that readings are stored in, above 0. Default: 0.001.
+    pub metres_per_count: Option<f64>,
+    /// Topic of the frames. Default: the only one that fits.
+    pub frames_topic: Option<String>,
+    /// Topic of the poses. Default: the only one that fits.
+    pub poses_topic: Option<String>,
+}
+
+/// Why a configuration is no plan.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ConfigError {
+    /// Not RON, or not these fields.
+    #[error("line {line}, column {column}: {reason}")]
+    Ron {
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What is wrong there.
+        reason: String,
+    },
+    /// A number outside its limits.
+    #[error("{field} is {value}; it must be {limit}")]
+    Limit {
+        /// Which field or flag.
+        field: &'static str,
+        /// What was given.
+        value: f64,
+        /// What is allowed, in words.
+        limit: String,
+    },
+}
+
+/// A sensor of at most this many readings is taken for a ring of ranges, others for cameras.
+const N_RING_READINGS_MAX: usize = 64;
+
+/// Share of the valid readings that are no longer than the default largest useful range: a sensor's few wildest
+/// readings must not stretch the scale.
+const USEFUL_SHARE: f64 = 0.99;
+
+impl Config {
+    /// Reads a configuration.
+    ///
+    /// # Errors
+    /// With line and column, if the text is not RON or has a field that there is not.
+    pub fn from_ron(text: &str) -> Result<Self, ConfigError> {
+        let options =
+            ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME);
+        options.from_str(text).map_err(|error| ConfigError::Ron {
+            line: error.span.start.line,
+            column: error.span.start.col,
+            reason: error.code.to_string(),
+        })
+    }
+
+    /// What is set in `over` replaces what is set here.
+    pub fn overridden_by(self, over: Self) -> Self {
+        Self {
+            response: over.response.or(self.response),
+            range_m_max: over.range_m_max.or(self.range_m_max),
+            invalid_range_m: over.invalid_range_m.or(self.invalid_range_m),
+            offset_m: over.offset_m.or(self.offset_m),
+            method: over.method.or(self.method),
+            neighbors: over.neighbors.or(self.neighbors),
+            landmarks: over.landmarks.or(self.landmarks),
+            dims: over.dims.or(self.dims),
+            kinds: over.kinds.or(self.kinds),
+            starts: over.starts.or(self.starts),
+            covariance_floor: over.covariance_floor.or(self.covariance_floor),
+            seed: over.seed.or(self.seed),
+            metres_per_count: over.metres_per_count.or(self.metres_per_count),
+            frames_topic: over.frames_topic.or(self.frames_topic),
+            poses_topic: over.poses_topic.or(self.poses_topic),
+        }
+    }
+
+    /// Checks every number that is given against its limits.
+    ///
+    /// # Errors
+    /// With field, value and limit.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let count = |field, value: Option<usize>, most: usize| match value {
+            Some(value) if !(1..=most).contains(&value) => {
+                let limit = if most == usize::MAX {
+                    "at least 1".to_string()
+                } else {
+                    format!("between 1 and {most}")
+                };
+                Err(ConfigError::Limit { field, value: value as f64, limit })
+            }
+            _ => Ok(()),
+        };
+        let within = |field, value: Option<f64>, holds: fn(f64) -> bool, limit: &str| match value {
+            Some(value) if !holds(value) => {
+                Err(ConfigError::Limit { field, value, limit: limit.to_string() })
+            }
+            _ => Ok(()),
+        };
+        let positive: fn(f64) -> bool = |value| value.is_finite() && value > 0.0;
+        count("neighbors", self.neighbors, usize::MAX)?;
+        count("landmarks", self.landmarks, usize::MAX)?;
+        count("dims", self.dims, N_DIMS_MAX)?;
+        count("kinds", self.kinds, N_KINDS_MAX)?;
+        count("starts", self.starts, usize::MAX)?;
+        within("range_m_max", self.range_m_max, positive, "above 0 m")?;
+        within(
+            "invalid_range_m",
+            self.invalid_range_m,
+            |value| value.is_finite() && value >= 0.0,
+            "at least 0 m",
+        )?;
+        within("offset_m", self.offset_m, positive, "above 0 m")?;
+        within("metres_per_count", self.metres_per_count, positive, "above 0 m")?;
+        let share: fn(f64) -> bool = |value| value > 0.0 && value < 1.0;
+        within("covariance_floor", self.covariance_floor, share, "above 0 and below 1")
+    }
+
+    /// What to read of a trip.
+    pub fn selection(&self) -> Selection {
+        let usual = Selection::default();
+        Selection {
+            frames_topic: self.frames_topic.clone(),
+            poses_topic: self.poses_topic.clone(),
+            metres_per_count: self.metres_per_count.unwrap_or(usual.metres_per_count),
+        }
+    }
+
+    /// The plan for a sensor, given the raw counts that are to be fitted.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn plan(&self, sensor: SensorLayout, counts: &[u16]) -> Result<FitPlan, ConfigError> {
+        self.check()?;
+        let is_ring = sensor.n_readings() <= N_RING_READINGS_MAX;
+        let useful_m = || largest_useful_count(counts) * sensor.metres_per_count;
+        let usual = ResponsePlan::new(
+            self.response.unwrap_or(Scale::Inverse),
+            self.range_m_max.unwrap_or_else(useful_m),
+        );
+        let seed = self.seed.unwrap_or(0);
+        let em = EmPlan::new(self.kinds.unwrap_or(if is_ring { 5 } else { 8 }), seed);
+        Ok(FitPlan {
+            sensor,
+            response: ResponsePlan {
+                invalid_range_m: self.invalid_range_m.unwrap_or(usual.invalid_range_m),
+                offset_m: self.offset_m.unwrap_or(usual.offset_m),
+                ..usual
+            },
+            method: self.method.unwrap_or(Method::Isomap),
+            n_neighbors: self.neighbors.unwrap_or(10),
+            n_landmarks: self.landmarks.unwrap_or(1000),
+            n_dims: self.dims.unwrap_or(if is_ring { 8 } else { 15 }),
+            em: EmPlan {
+                n_starts: self.starts.unwrap_or(em.n_starts),
+                covariance_floor: self.covariance_floor.unwrap_or(em.covariance_floor),
+                ..em
+            },
+            seed,
+        })
+    }
+}
+
+/// The count that [`USEFUL_SHARE`] of the valid counts do not exceed; 1 where none is valid.
+fn largest_useful_count(counts: &[u16]) -> f64 {
+    let mut histogram = vec![0_usize; 1 << 16];
+    counts.iter().for_each(|&count| histogram[usize::from(count)] += 1);
+    let n_valid = counts.len() - histogram[usize::from(kinds_model::response::INVALID)];
+    let mut left = (n_valid as f64 * USEFUL_SHARE).ceil() as usize;
+    let reached = (1..histogram.len()).find(|&count| {
+        left = left.saturating_sub(histogram[count]);
+        left == 0
+    });
+    reached.unwrap_or(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RING: SensorLayout = SensorLayout { rows: 1, columns: 16, metres_per_count: 0.001 };
+
+    #[test]
+    fn an_empty_file_gives_the_sensors_defaults() {
+        let config = Config::from_ron("()").unwrap();
+        let ring = config.plan(RING, &[0, 4000, 3000]).unwrap();
+        assert_eq!((ring.n_dims, ring.em.n_kinds, ring.response.range_m_max), (8, 5, 4.0));
+        let camera = config.plan(SensorLayout { rows: 124, columns: 160, ..RING }, &[1]).unwrap();
+        assert_eq!((camera.n_dims, camera.em.n_kinds), (15, 8));
+    }
+
+    #[test]
+    fn a_flag_overrides_a_field() {
+        let file = Config::from_ron("(kinds: 7, response: log, method: PCA_ELSEWHERE)").unwrap_err();
+        assert!(matches!(file, ConfigError::Ron { line: 1, .. }), "{file}");
+        let file = Config::from_ron("(kinds: 7, response: log, method: Pca)").unwrap();
+        let plan =
+            file.overridden_by(Config { kinds: Some(3), ..Config::default() }).plan(RING, &[1]).unwrap();
+        assert_eq!((plan.em.n_kinds, plan.response.scale, plan.method), (3, Scale::Log, Method::Pca));
+    }
+
+    #[test]
+    fn wrong_fields_and_numbers_are_refused_with_place_value_and_limit() {
+        let refuse = |text: &str| match Config::from_ron(text) {
+            Ok(config) => config.check().unwrap_err().to_string(),
+            Err(error) => error.to_string(),
+        };
+        assert_eq!(refuse("(\n  kinds: 65,\n)"), "kinds is 65; it must be between 1 and 64");
+        assert_eq!(refuse("(offset_m: 0)"), "offset_m is 0; it must be above 0 m");
+        assert_eq!(
+            refuse("(covariance_floor: 1.5)"),
+            "covariance_floor is 1.5; it must be above 0 and below 1"
+        );
+        let unknown = refuse("(\n  kids: 5,\n)");
+        assert!(unknown.starts_with("line 2, column ") && unknown.contains("kids"), "{unknown}");
+    }
+
+    #[test]
+    fn one_wild_reading_in_two_hundred_does_not_stretch_the_scale() {
+        let counts: Vec<u16> = (0..199).map(|_| 2500).chain([60_000, 0, 0, 0]).collect();
+        assert_eq!(Config::default().plan(RING, &counts).unwrap().response.range_m_max, 2.5);
+    }
+}

@@ -1,0 +1,19 @@
+//! From trips to a model, and how consistent its kinds are on further trips.
+//!
+//! [`train`] reads trips into a model; [`evaluate`] sends two trips through it and measures whether a place seen
+//! again gets the same kind. Nothing here opens shared memory or writes a file.
+#![forbid(unsafe_code)]
+
+mod agreement;
+mod config;
+mod consistency;
+mod evaluate;
+mod load;
+mod train;
+
+pub use agreement::adjusted_mutual_information;
+pub use config::{Config, ConfigError};
+pub use consistency::{Consistency, Places, Revisits, kappa};
+pub use evaluate::{EvaluateError, Evaluation, EvaluationPlan, MethodScores, evaluate};
+pub use load::{LoadError, LoadedTrip, load};
+pub use train::{TrainError, Trained, train};

@@ -1,0 +1,73 @@
+//! On recorded trips, where they are at hand: `KINDS_TRIPS_DIR`, or `../shared/trips` beside the project.
+
+use std::path::PathBuf;
+
+use kinds_model::{Method, Scale};
+use kinds_trainer::{Config, Evaluation, EvaluationPlan, evaluate, load, train};
+use kinds_trips::Selection;
+
+/// The trips of a sensor, or nothing and a note.
+fn trips(sensor: &str) -> Option<[PathBuf; 2]> {
+    let beside = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/trips");
+    let folder = std::env::var_os("KINDS_TRIPS_DIR").map_or_else(beside, PathBuf::from);
+    let trips = [1, 2].map(|trip| folder.join(format!("{sensor}-trip{trip}.mcap")));
+    let found = trips.iter().all(|trip| trip.is_file());
+    if !found {
+        #[allow(clippy::print_stderr, reason = "whoever runs the tests should know what they did not show")]
+        {
+            eprintln!("skipped: no recorded trips of {sensor} in {}", folder.display());
+        }
+    }
+    found.then_some(trips)
+}
+
+fn learn_and_evaluate(trips: &[PathBuf; 2], config: &Config, radius_m: f64) -> Evaluation {
+    let trained = train(&trips[..1], config, &mut |_, _, _| (), &mut |_, _, _| ()).unwrap();
+    let [first, second] =
+        [0, 1].map(|trip| load(&trips[trip], &Selection::default(), &mut |_, _| ()).unwrap());
+    let plan = EvaluationPlan { radius_m, share: 0.5, seed: 0 };
+    evaluate(trained.model, &first, &second, &plan, &mut |_, _, _| ()).unwrap()
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Median κ over five seeds of Isomap and PCA, at 8 dimensions and 8 kinds.
+fn kappas(trips: &[PathBuf; 2], response: Scale) -> [f64; 2] {
+    let evaluations: Vec<Evaluation> = (0..5)
+        .map(|seed| {
+            let config = Config {
+                response: Some(response),
+                method: Some(Method::Isomap),
+                dims: Some(8),
+                kinds: Some(8),
+                seed: Some(seed),
+                ..Config::default()
+            };
+            learn_and_evaluate(trips, &config, 0.15)
+        })
+        .collect();
+    let of = |method: fn(&Evaluation) -> f64| median(evaluations.iter().map(method).collect());
+    [of(|evaluation| evaluation.methods.isomap.kappa), of(|evaluation| evaluation.methods.pca.kappa)]
+}
+
+#[test]
+fn maze_kinds_are_as_consistent_as_scikit_learns() {
+    let Some(trips) = trips("maze-tof16") else { return };
+    let [isomap, pca] = kappas(&trips, Scale::Range);
+    assert!(isomap >= 0.60 && pca >= 0.60, "range: Isomap {isomap}, PCA {pca}");
+    let [isomap, _] = kappas(&trips, Scale::Inverse);
+    assert!(isomap >= 0.85, "inverse range: Isomap {isomap}");
+}
+
+#[test]
+fn random_kinds_are_worth_nothing() {
+    let Some(trips) = trips("maze-tof16") else { return };
+    let evaluation = learn_and_evaluate(&trips, &Config { starts: Some(1), ..Config::default() }, 0.15);
+    let random = evaluation.methods.random;
+    assert!(random.kappa.abs() < 0.05 && random.ami.abs() < 0.05, "{random:?}");
+    // scikit-learn's exploration revisits the same share of the maze.
+    assert!((evaluation.revisited - 0.436).abs() < 0.001, "{}", evaluation.revisited);
+}
