@@ -1,0 +1,291 @@
+//! What can be asked of the program.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use kinds_driver_shim::Pace;
+use kinds_messages::{Domain, SensorName};
+use kinds_model::{Method, Scale};
+use kinds_trainer::Config;
+use kinds_trips::Selection;
+
+/// Tells a robot, in microseconds and without labels, what kind of place its raw sensors are in.
+#[derive(Debug, Parser)]
+#[command(
+    name = "kinds",
+    version,
+    max_term_width = 110,
+    subcommand_required = true,
+    arg_required_else_help = true
+)]
+pub(crate) struct Cli {
+    #[command(flatten)]
+    pub(crate) domain: DomainArguments,
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+}
+
+/// Where the robot's programs meet.
+#[derive(Args, Debug)]
+pub(crate) struct DomainArguments {
+    /// Folder in which the robot's programs meet: all that name the same one share their channels. Default: that of
+    /// iceoryx2, for all programs of a user
+    #[arg(long, global = true, env = "KINDS_DOMAIN", value_name = "DIR")]
+    domain: Option<PathBuf>,
+}
+
+impl DomainArguments {
+    pub(crate) fn domain(&self) -> Domain {
+        self.domain.as_deref().map_or_else(Domain::default, Domain::in_folder)
+    }
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Verb {
+    /// Show the whole way once: train on a trip, serve, publish a second one, watch, evaluate
+    Demo(DemoArguments),
+    /// Learn the kinds of recorded trips
+    Train(TrainArguments),
+    /// Measure whether a place seen again gets the same kind
+    Evaluate(EvaluateArguments),
+    /// Say what is in a model
+    Inspect(InspectArguments),
+    /// Publish the frames of a sensor into shared memory
+    Publish(PublishArguments),
+    /// Classify every frame of a sensor and publish its kind
+    Serve(ServeArguments),
+    /// Print the kinds of a sensor as they come
+    Watch(WatchArguments),
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct DemoArguments {
+    /// Trip to learn from, and trip to recognise. Default: a small made-up pair
+    #[arg(num_args = 2, value_names = ["TRIP1", "TRIP2"])]
+    pub(crate) trips: Vec<PathBuf>,
+    /// Folder for the model and the results; made if it is not there
+    #[arg(long, default_value = "kinds-demo", value_name = "DIR")]
+    pub(crate) output: PathBuf,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct TrainArguments {
+    /// ROS 2 bags (MCAP) of one sensor
+    #[arg(required = true, value_name = "TRIP")]
+    pub(crate) trips: Vec<PathBuf>,
+    /// File to write the model to
+    #[arg(long, short, value_name = "M.kinds")]
+    pub(crate) output: PathBuf,
+    /// RON file with the same fields as the flags below; a flag overrides a field
+    #[arg(long, value_name = "FILE.ron")]
+    pub(crate) config: Option<PathBuf>,
+    /// Scale on which frames are compared [default: inverse]
+    #[arg(long, value_enum)]
+    response: Option<ScaleName>,
+    /// Largest useful range, metres [default: the 99th percentile of the valid readings]
+    #[arg(long, value_name = "M")]
+    range_m_max: Option<f64>,
+    /// Range that invalid readings are taken for, metres [default: the largest useful range]
+    #[arg(long, value_name = "M")]
+    invalid_range_m: Option<f64>,
+    /// Offset of the log and inverse scales, metres [default: 0.3]
+    #[arg(long, value_name = "M")]
+    offset_m: Option<f64>,
+    /// How distances between frames become coordinates [default: isomap]
+    #[arg(long, value_enum)]
+    method: Option<MethodName>,
+    /// Neighbours of each frame in the graph [default: 10]
+    #[arg(long, value_name = "N")]
+    neighbors: Option<usize>,
+    /// Landmarks that geodesics are measured from [default: 1000, or all frames if there are fewer]
+    #[arg(long, value_name = "N")]
+    landmarks: Option<usize>,
+    /// Dimensions to embed in, 1 to 32 [default: 8 for rings, 15 for cameras]
+    #[arg(long, value_name = "N")]
+    dims: Option<usize>,
+    /// Kinds to find, 1 to 64 [default: 5 for rings, 8 for cameras]
+    #[arg(long, value_name = "N")]
+    kinds: Option<usize>,
+    /// Starts of the mixture [default: 10]
+    #[arg(long, value_name = "N")]
+    starts: Option<usize>,
+    /// Least variance of a kind in any direction, as a share of the mean variance [default: 0.001]
+    #[arg(long, value_name = "SHARE")]
+    covariance_floor: Option<f64>,
+    /// Seed of everything random [default: 0]
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    #[command(flatten)]
+    reading: ReadingArguments,
+}
+
+/// What to read of a trip.
+#[derive(Args, Debug)]
+pub(crate) struct ReadingArguments {
+    /// Topic of the frames [default: the only one that fits]
+    #[arg(long, value_name = "NAME")]
+    frames_topic: Option<String>,
+    /// Topic of the poses [default: the only one that fits]
+    #[arg(long, value_name = "NAME")]
+    poses_topic: Option<String>,
+    /// Metres that one count stands for [default: 0.001]
+    #[arg(long, value_name = "M")]
+    metres_per_count: Option<f64>,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct EvaluateArguments {
+    /// The model
+    #[arg(value_name = "M.kinds")]
+    pub(crate) model: PathBuf,
+    /// The trip that the model was learnt from
+    pub(crate) trip1: PathBuf,
+    /// Another trip through the same places
+    pub(crate) trip2: PathBuf,
+    /// Frames no farther apart than this saw the same place, metres
+    #[arg(long, default_value_t = 0.3, value_name = "R")]
+    pub(crate) radius_m: f64,
+    /// Strictly more than this share of the frames near a frame must have its kind
+    #[arg(long, default_value_t = 0.5, value_name = "Z")]
+    pub(crate) share: f64,
+    /// Seed of the random kinds
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub(crate) seed: u64,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    reading: ReadingArguments,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct InspectArguments {
+    /// The model
+    #[arg(value_name = "M.kinds")]
+    pub(crate) model: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct PublishArguments {
+    /// Recorded trip to replay
+    #[arg(long)]
+    pub(crate) trip: PathBuf,
+    /// Sensor to publish it as, such as crunch/ring
+    #[arg(long, value_name = "NAME")]
+    pub(crate) sensor: SensorName,
+    /// Multiple of the recorded pace, or max: as fast as the service follows
+    #[arg(long, default_value = "1", value_name = "X|max")]
+    pub(crate) speed: Pace,
+    #[command(flatten)]
+    reading: ReadingArguments,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ServeArguments {
+    /// The model
+    #[arg(long, value_name = "M.kinds")]
+    pub(crate) model: PathBuf,
+    /// Sensor to serve, such as crunch/ring
+    #[arg(long, value_name = "NAME")]
+    pub(crate) sensor: SensorName,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct WatchArguments {
+    /// Sensor to watch, such as crunch/ring
+    #[arg(long, value_name = "NAME")]
+    pub(crate) sensor: SensorName,
+    /// Print one JSON object a line
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// End after this many reports
+    #[arg(long, value_name = "N")]
+    pub(crate) count: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ScaleName {
+    /// The range itself
+    Range,
+    /// ln(1 + range / offset)
+    Log,
+    /// 1 / (range + offset)
+    Inverse,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum MethodName {
+    /// Geodesics in the neighbour graph
+    Isomap,
+    /// Euclidean distances: principal component analysis
+    Pca,
+}
+
+impl TrainArguments {
+    /// The flags as a configuration.
+    pub(crate) fn config(&self) -> Config {
+        Config {
+            response: self.response.map(|name| match name {
+                ScaleName::Range => Scale::Range,
+                ScaleName::Log => Scale::Log,
+                ScaleName::Inverse => Scale::Inverse,
+            }),
+            range_m_max: self.range_m_max,
+            invalid_range_m: self.invalid_range_m,
+            offset_m: self.offset_m,
+            method: self.method.map(|name| match name {
+                MethodName::Isomap => Method::Isomap,
+                MethodName::Pca => Method::Pca,
+            }),
+            neighbors: self.neighbors,
+            landmarks: self.landmarks,
+            dims: self.dims,
+            kinds: self.kinds,
+            starts: self.starts,
+            covariance_floor: self.covariance_floor,
+            seed: self.seed,
+            metres_per_count: self.reading.metres_per_count,
+            frames_topic: self.reading.frames_topic.clone(),
+            poses_topic: self.reading.poses_topic.clone(),
+        }
+    }
+}
+
+impl ReadingArguments {
+    /// What to read of a trip, in the unit of a model's sensor if none is given.
+    fn selection(&self, metres_per_count: Option<f64>) -> Selection {
+        let usual = Selection::default();
+        Selection {
+            frames_topic: self.frames_topic.clone(),
+            poses_topic: self.poses_topic.clone(),
+            metres_per_count: self.metres_per_count.or(metres_per_count).unwrap_or(usual.metres_per_count),
+        }
+    }
+}
+
+impl EvaluateArguments {
+    pub(crate) fn selection(&self, metres_per_count: f64) -> Selection {
+        self.reading.selection(Some(metres_per_count))
+    }
+}
+
+impl PublishArguments {
+    pub(crate) fn selection(&self) -> Selection {
+        self.reading.selection(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_free_of_contradictions() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,77 @@
+//! `kinds evaluate`: is a place seen again of the same kind?
+
+use std::io::Write;
+use std::path::Path;
+
+use kinds_model::Model;
+use kinds_trainer::{Evaluation, EvaluationPlan, load};
+use kinds_trips::Selection;
+
+use crate::cli::EvaluateArguments;
+use crate::failure::Failure;
+use crate::model_file;
+use crate::progress::StepBar;
+
+pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
+    let model = model_file::open(&arguments.model)?;
+    let selection = arguments.selection(model.layout().metres_per_count);
+    let plan = EvaluationPlan { radius_m: arguments.radius_m, share: arguments.share, seed: arguments.seed };
+    let evaluation = evaluate(model, [&arguments.trip1, &arguments.trip2], &selection, &plan)?;
+    let mut out = std::io::stdout().lock();
+    if arguments.json {
+        let json = serde_json::to_string_pretty(&evaluation).expect("an evaluation is plain data");
+        writeln!(out, "{json}")?;
+    } else {
+        write!(out, "{}", table(&evaluation))?;
+    }
+    Ok(())
+}
+
+/// Evaluates with a progress bar.
+pub(crate) fn evaluate(
+    model: Model,
+    trips: [&Path; 2],
+    selection: &Selection,
+    plan: &EvaluationPlan,
+) -> Result<Evaluation, Failure> {
+    let mut bar = StepBar::new();
+    let mut read = |path: &Path| {
+        let trip = load(path, selection, &mut |read, all| bar.reading(path, read, all))?;
+        if let Some(remark) = &trip.truncation {
+            eprintln!("kinds: {remark}");
+        }
+        Ok::<_, Failure>(trip)
+    };
+    let (first, second) = (read(trips[0])?, read(trips[1])?);
+    let evaluation = kinds_trainer::evaluate(model, &first, &second, plan, &mut |step, done, all| {
+        bar.fitting(step, done, all)
+    });
+    bar.clear();
+    Ok(evaluation?)
+}
+
+/// The evaluation for a person.
+pub(crate) fn table(evaluation: &Evaluation) -> String {
+    let methods = &evaluation.methods;
+    let rows = [("Isomap", methods.isomap), ("PCA", methods.pca), ("random", methods.random)];
+    let mut text = format!(
+        "{:.0} % of the first trip's frames were revisited within {} m; consistent: over {:.0} % of those of the same kind\n\n",
+        100.0 * evaluation.revisited,
+        evaluation.radius_m,
+        100.0 * evaluation.share,
+    );
+    text += "method  dims  kinds  consistency  chance  kappa   AMI  largest kind\n";
+    for (name, scores) in rows {
+        text += &format!(
+            "{name:6} {:>5} {:>6} {:>10.1} % {:>5.1} % {:>6.2} {:>5.2} {:>11.1} %\n",
+            scores.n_dims,
+            scores.n_kinds,
+            100.0 * scores.consistency,
+            100.0 * scores.chance,
+            scores.kappa,
+            scores.ami,
+            100.0 * scores.largest_kind_share,
+        );
+    }
+    text
+}

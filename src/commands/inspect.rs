@@ -1,0 +1,101 @@
+//! `kinds inspect`: what is in a model, for a person or a script.
+
+use std::io::Write;
+
+use kinds_model::{Manifest, Model};
+use serde::Serialize;
+
+use crate::cli::InspectArguments;
+use crate::commands::train::{method_name, scale_name};
+use crate::failure::Failure;
+use crate::model_file;
+
+/// What `inspect --json` prints.
+#[derive(Serialize)]
+struct Inspection<'a> {
+    model_id: String,
+    #[serde(flatten)]
+    manifest: &'a Manifest,
+    weights: &'a [f64],
+}
+
+pub(crate) fn run(arguments: &InspectArguments) -> Result<(), Failure> {
+    let model = model_file::open(&arguments.model)?;
+    let mut out = std::io::stdout().lock();
+    if arguments.json {
+        let weights = model.mixture().weights();
+        let inspection = Inspection { model_id: model.id().to_string(), manifest: model.manifest(), weights };
+        writeln!(out, "{}", serde_json::to_string_pretty(&inspection).expect("a manifest is plain data"))?;
+    } else {
+        write!(out, "{}", describe(&model))?;
+    }
+    Ok(())
+}
+
+fn describe(model: &Model) -> String {
+    let Manifest { plan, n_frames, provenance, .. } = model.manifest();
+    let response = &plan.response;
+    let mut lines = vec![
+        ("model", model.id().to_string()),
+        ("made by", format!("{}, seed {}", provenance.made_by, plan.seed)),
+        ("learnt from", provenance.trips.join(", ")),
+        ("sensor", plan.sensor.to_string()),
+        (
+            "compared as",
+            format!(
+                "{} up to {} m, offset {} m; invalid readings as {} m",
+                scale_name(response.scale),
+                response.range_m_max,
+                response.offset_m,
+                response.invalid_range_m
+            ),
+        ),
+        (
+            "frames",
+            format!(
+                "{n_frames} reference frames; {} without any valid reading left out",
+                provenance.n_frames_invalid
+            ),
+        ),
+        (
+            "method",
+            format!(
+                "{}: {} neighbours, {} landmarks",
+                method_name(plan.method),
+                plan.n_neighbors,
+                plan.n_landmarks
+            ),
+        ),
+    ];
+    if !provenance.islands.is_empty() {
+        let (islands, bridges) = (provenance.islands.len(), provenance.bridges.len());
+        lines.push((
+            "graph",
+            format!("{islands} {}, {bridges} bridges", if islands == 1 { "island" } else { "islands" }),
+        ));
+    }
+    let residual: Vec<String> =
+        provenance.residual_variance.iter().take(15).map(|share| format!("{share:.3}")).collect();
+    lines.extend([
+        ("dimensions", format!("{} kept; residual variance of 1, 2, …: {}", plan.n_dims, residual.join(" "))),
+        ("negative", format!("{:.1} % of the eigenvalues' magnitude", 100.0 * provenance.negative_share)),
+        (
+            "kinds",
+            format!(
+                "{}; log-likelihood {:.1} nats, BIC {:.1}, {} iterations{}",
+                plan.em.n_kinds,
+                provenance.log_likelihood,
+                provenance.bic,
+                provenance.n_iterations,
+                if provenance.converged { "" } else { " (not converged)" }
+            ),
+        ),
+    ]);
+    let mut text: String = lines.iter().map(|(name, value)| format!("{name:12} {value}\n")).collect();
+    text += "\nkind  weight\n";
+    for (kind, weight) in model.mixture().weights().iter().enumerate() {
+        text +=
+            &format!("{kind:4} {:6.1} %  {}\n", 100.0 * weight, "█".repeat((40.0 * weight).round() as usize));
+    }
+    text
+}

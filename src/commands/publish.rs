@@ -1,0 +1,29 @@
+//! `kinds publish`: the driver shim of one sensor.
+
+use kinds_driver_shim::{Replay, Shim};
+use kinds_messages::Node;
+use kinds_trips::TripReader;
+
+use crate::cli::{DomainArguments, PublishArguments};
+use crate::failure::Failure;
+use crate::stop;
+
+pub(crate) fn run(arguments: &PublishArguments, domain: &DomainArguments) -> Result<(), Failure> {
+    let stop = stop::on_signals()?;
+    let trip = TripReader::open(&arguments.trip, &arguments.selection())?;
+    let node = Node::open(&domain.domain(), "kinds-publish")?;
+    let (sensor, pace) = (&arguments.sensor, arguments.speed);
+    let mut shim = Shim::new(&node, sensor, Replay::new(trip, pace), pace.flow())?;
+    let summary = shim.run(&stop, &mut |notice| eprintln!("kinds: {notice}"))?;
+    if let Some(truncation) = shim.device().trip().truncation() {
+        eprintln!("kinds: trip {} {truncation}", arguments.trip.display());
+    }
+    println!("published {} frames of {sensor} in {:.1} s", summary.n_frames, summary.duration.as_secs_f64());
+    if summary.n_unreported > 0 {
+        return Err(Failure::CouldNot(format!(
+            "the service left {} of {} frames of {sensor} unreported",
+            summary.n_unreported, summary.n_frames
+        )));
+    }
+    Ok(())
+}

@@ -1,0 +1,82 @@
+//! `kinds train`: recorded trips → model file.
+
+use std::cell::RefCell;
+use std::io::Write;
+use std::path::Path;
+
+use kinds_model::{Method, Model, Scale};
+use kinds_trainer::{Config, Trained};
+
+use crate::cli::TrainArguments;
+use crate::failure::Failure;
+use crate::model_file;
+use crate::progress::StepBar;
+
+pub(crate) fn run(arguments: TrainArguments) -> Result<(), Failure> {
+    let flags = arguments.config();
+    let config = match &arguments.config {
+        Some(path) => read_config(path)?.overridden_by(flags),
+        None => flags,
+    };
+    model_file::check_writable(&arguments.output)?;
+    let Trained { model, remarks } = train(&arguments.trips, &config)?;
+    for remark in remarks {
+        eprintln!("kinds: {remark}");
+    }
+    let n_bytes = model_file::write(&arguments.output, &model)?;
+    print_summary(&model, &arguments.output, n_bytes)?;
+    Ok(())
+}
+
+/// Trains with a progress bar.
+pub(crate) fn train(trips: &[std::path::PathBuf], config: &Config) -> Result<Trained, Failure> {
+    let bar = RefCell::new(StepBar::new());
+    let trained = kinds_trainer::train(
+        trips,
+        config,
+        &mut |path, read, all| bar.borrow_mut().reading(path, read, all),
+        &mut |step, done, all| bar.borrow_mut().fitting(step, done, all),
+    );
+    bar.borrow_mut().clear();
+    Ok(trained?)
+}
+
+fn read_config(path: &Path) -> Result<Config, Failure> {
+    let text =
+        std::fs::read_to_string(path).map_err(|error| Failure::file("read configuration", path, &error))?;
+    Config::from_ron(&text)
+        .map_err(|error| Failure::AskedWrongly(format!("configuration {}, {error}", path.display())))
+}
+
+pub(crate) fn print_summary(model: &Model, path: &Path, n_bytes: usize) -> Result<(), Failure> {
+    let (plan, provenance) = (&model.manifest().plan, &model.manifest().provenance);
+    let unexplained = provenance.residual_variance[plan.n_dims - 1];
+    let mut out = std::io::stdout().lock();
+    writeln!(
+        out,
+        "learnt {} kinds from {} frames of {} readings: {} of {} in {} dimensions, residual variance {unexplained:.4}",
+        plan.em.n_kinds,
+        model.manifest().n_frames,
+        plan.sensor.n_readings(),
+        method_name(plan.method),
+        scale_name(plan.response.scale),
+        plan.n_dims,
+    )?;
+    writeln!(out, "wrote {} ({:.1} MB, model {})", path.display(), n_bytes as f64 / 1e6, model.id())?;
+    Ok(())
+}
+
+pub(crate) fn method_name(method: Method) -> &'static str {
+    match method {
+        Method::Isomap => "Isomap",
+        Method::Pca => "principal components",
+    }
+}
+
+pub(crate) fn scale_name(scale: Scale) -> &'static str {
+    match scale {
+        Scale::Range => "ranges",
+        Scale::Log => "log ranges",
+        Scale::Inverse => "inverse ranges",
+    }
+}

@@ -1,0 +1,59 @@
+//! `kinds`: the one program. Glue over the libraries, and nothing else: it reads arguments, prints and exits.
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    clippy::exit,
+    reason = "only the program prints and exits"
+)]
+
+mod cli;
+mod commands;
+mod failure;
+mod model_file;
+mod progress;
+mod stop;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use tracing_subscriber::EnvFilter;
+
+use crate::cli::{Cli, Verb};
+use crate::failure::Failure;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    start_log();
+    match run(cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever read our output has seen enough.
+        Err(Failure::OutputClosed) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("kinds: {failure}");
+            failure.exit_code()
+        }
+    }
+}
+
+fn run(cli: Cli) -> Result<(), Failure> {
+    match cli.verb {
+        Verb::Demo(arguments) => commands::demo::run(&arguments),
+        Verb::Train(arguments) => commands::train::run(arguments),
+        Verb::Evaluate(arguments) => commands::evaluate::run(&arguments),
+        Verb::Inspect(arguments) => commands::inspect::run(&arguments),
+        Verb::Publish(arguments) => commands::publish::run(&arguments, &cli.domain),
+        Verb::Serve(arguments) => commands::serve::run(&arguments, &cli.domain),
+        Verb::Watch(arguments) => commands::watch::run(&arguments, &cli.domain),
+    }
+}
+
+/// Logs go to standard error; the environment variable `KINDS_LOG` says which (as in `KINDS_LOG=debug`).
+fn start_log() {
+    let filter = EnvFilter::try_from_env("KINDS_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .without_time()
+        .with_target(false)
+        .init();
+}

@@ -1,0 +1,83 @@
+//! Model files on disk: opened by memory map, written whole or not at all.
+
+use std::fs::{File, Permissions};
+use std::io::{self, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+use bytes::Bytes;
+use kinds_model::{Model, ModelFileError, file};
+use memmap2::Mmap;
+
+/// Why a model file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum ModelFailure {
+    #[error("cannot {attempt} model {}: {error}", path.display())]
+    Io { attempt: &'static str, path: PathBuf, error: io::Error },
+    #[error("cannot open model {}: {error}", path.display())]
+    Contents { path: PathBuf, error: ModelFileError },
+}
+
+/// Opens a model. Its large arrays stay in the file's pages, which all programs that use it share.
+pub(crate) fn open(path: &Path) -> Result<Model, ModelFailure> {
+    let failed = |error| ModelFailure::Io { attempt: "open", path: path.to_path_buf(), error };
+    let file = File::open(path).map_err(failed)?;
+    if !file.metadata().map_err(failed)?.is_file() {
+        return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, "it is not a file")));
+    }
+    let bytes = map(&file).map_err(failed)?;
+    file::from_bytes(&bytes).map_err(|error| ModelFailure::Contents { path: path.to_path_buf(), error })
+}
+
+/// Maps a file's pages.
+#[allow(unsafe_code, reason = "the one memory map")]
+fn map(file: &File) -> io::Result<Bytes> {
+    // SAFETY: the pages must not change while they are borrowed. Model files are never written in place: `write` gives a
+    // new file the old one's name, and a file that has lost its name keeps its pages. Somebody who overwrites or
+    // truncates a model by other means while it is served breaks this, as with any mapped program or library.
+    let map = unsafe { Mmap::map(file)? };
+    Ok(Bytes::from_owner(map))
+}
+
+/// Finds out, before long work, whether a model can be written there.
+pub(crate) fn check_writable(path: &Path) -> Result<(), ModelFailure> {
+    if path.is_dir() {
+        return Err(unwritable(path, io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")));
+    }
+    temporary_beside(path).map(drop).map_err(|error| unwritable(path, error))
+}
+
+/// Writes a model under a temporary name and renames it when it is whole and on disk. Returns its length in bytes.
+pub(crate) fn write(path: &Path, model: &Model) -> Result<usize, ModelFailure> {
+    let bytes = file::to_bytes(model);
+    write_bytes(path, &bytes).map_err(|error| unwritable(path, error))?;
+    Ok(bytes.len())
+}
+
+fn write_bytes(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = temporary_beside(path)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(path).map_err(|error| error.error)?;
+    // The new name is in the folder, which is on disk when it has been synchronised too.
+    File::open(folder_of(path))?.sync_all()
+}
+
+fn unwritable(path: &Path, error: io::Error) -> ModelFailure {
+    ModelFailure::Io { attempt: "write", path: path.to_path_buf(), error }
+}
+
+fn temporary_beside(path: &Path) -> io::Result<tempfile::NamedTempFile> {
+    // Readable by whom the umask allows: the service may run as another user than who trains.
+    tempfile::Builder::new()
+        .prefix(".kinds-")
+        .permissions(Permissions::from_mode(0o666))
+        .tempfile_in(folder_of(path))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
