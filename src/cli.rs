@@ -19,8 +19,6 @@ use kinds_trips::Selection;
     arg_required_else_help = true
 )]
 pub(crate) struct Cli {
-    #[command(flatten)]
-    pub(crate) domain: DomainArguments,
     #[command(subcommand)]
     pub(crate) verb: Verb,
 }
@@ -30,7 +28,7 @@ pub(crate) struct Cli {
 pub(crate) struct DomainArguments {
     /// Folder in which the robot's programs meet: all that name the same one share their channels. Default: that of
     /// iceoryx2, for all programs of a user
-    #[arg(long, global = true, env = "KINDS_DOMAIN", value_name = "DIR")]
+    #[arg(long, env = "KINDS_DOMAIN", value_name = "DIR")]
     domain: Option<PathBuf>,
 }
 
@@ -181,6 +179,8 @@ pub(crate) struct PublishArguments {
     pub(crate) speed: Pace,
     #[command(flatten)]
     reading: ReadingArguments,
+    #[command(flatten)]
+    pub(crate) domain: DomainArguments,
 }
 
 #[derive(Args, Debug)]
@@ -191,6 +191,8 @@ pub(crate) struct ServeArguments {
     /// Sensor to serve, such as crunch/ring
     #[arg(long, value_name = "NAME")]
     pub(crate) sensor: SensorName,
+    #[command(flatten)]
+    pub(crate) domain: DomainArguments,
 }
 
 #[derive(Args, Debug)]
@@ -204,6 +206,8 @@ pub(crate) struct WatchArguments {
     /// End after this many reports
     #[arg(long, value_name = "N")]
     pub(crate) count: Option<u64>,
+    #[command(flatten)]
+    pub(crate) domain: DomainArguments,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -41,9 +41,9 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Train(arguments) => commands::train::run(arguments),
         Verb::Evaluate(arguments) => commands::evaluate::run(&arguments),
         Verb::Inspect(arguments) => commands::inspect::run(&arguments),
-        Verb::Publish(arguments) => commands::publish::run(&arguments, &cli.domain),
-        Verb::Serve(arguments) => commands::serve::run(&arguments, &cli.domain),
-        Verb::Watch(arguments) => commands::watch::run(&arguments, &cli.domain),
+        Verb::Publish(arguments) => commands::publish::run(&arguments),
+        Verb::Serve(arguments) => commands::serve::run(&arguments),
+        Verb::Watch(arguments) => commands::watch::run(&arguments),
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::mixture::most_probable;
 use crate::model::Model;
-use crate::neighbors::{Neighbor, nearest, squared_distance};
+use crate::neighbors::{Neighbor, nearest, squared_distances};
 
 /// Whether a frame could be classified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +42,10 @@ pub struct Classifier {
     mapped: Vec<u16>,
     /// Its nearest reference frames, shape `(n_neighbors,)`.
     nearest: Vec<Neighbor>,
+    /// To all reference frames, shape `(n_frames,)`, counts². Empty where distances are not Euclidean.
+    squared_distances: Vec<u64>,
+    /// To the nearest reference frame, counts².
+    squared_to_nearest: u64,
     /// Shortest lengths to the landmarks, shape `(n_landmarks,)`, counts.
     lengths: Vec<f32>,
     /// δ, shape `(n_landmarks,)`, counts².
@@ -54,11 +58,12 @@ impl Classifier {
     pub fn new(model: Arc<Model>) -> Self {
         let plan = &model.manifest().plan;
         let none = Neighbor { squared_distance: 0, frame_index: 0 };
-        // Where distances are Euclidean, the nearest frame alone is wanted, for the novelty.
-        let n_neighbors = if model.geodesics().is_some() { plan.n_neighbors } else { 1 };
+        let is_euclidean = model.geodesics().is_none();
         Self {
             mapped: vec![0; plan.sensor.n_readings()],
-            nearest: vec![none; n_neighbors],
+            nearest: vec![none; plan.n_neighbors],
+            squared_distances: vec![0; if is_euclidean { model.frames().n_frames() } else { 0 }],
+            squared_to_nearest: 0,
             lengths: vec![0.0; plan.n_landmarks],
             squared_geodesics: vec![0.0; plan.n_landmarks],
             classification: Classification {
@@ -109,20 +114,26 @@ impl Classifier {
         classification.novelty = 1.0;
     }
 
-    /// Fills δ: squared shortest lengths to the landmarks, or squared distances.
+    /// Fills δ (squared shortest lengths to the landmarks, or squared distances) and finds the nearest reference frame.
     fn measure(&mut self) {
         let frames = self.model.frames();
-        nearest(frames, &self.mapped, &mut self.nearest);
-        let Some(geodesics) = self.model.geodesics() else {
-            for (squared, &landmark) in self.squared_geodesics.iter_mut().zip(self.model.landmarks()) {
-                *squared = squared_distance(&self.mapped, frames.row(landmark as usize)) as f64;
+        match self.model.geodesics() {
+            Some(geodesics) => {
+                nearest(frames, &self.mapped, &mut self.nearest);
+                let nearest = self.nearest.iter().map(|near| (near.frame_index, near.distance()));
+                geodesics.through(nearest, &mut self.lengths);
+                for (squared, &length) in self.squared_geodesics.iter_mut().zip(&self.lengths) {
+                    *squared = f64::from(length) * f64::from(length);
+                }
+                self.squared_to_nearest = self.nearest[0].squared_distance;
             }
-            return;
-        };
-        let nearest = self.nearest.iter().map(|near| (near.frame_index, near.distance()));
-        geodesics.through(nearest, &mut self.lengths);
-        for (squared, &length) in self.squared_geodesics.iter_mut().zip(&self.lengths) {
-            *squared = f64::from(length) * f64::from(length);
+            None => {
+                squared_distances(frames, &self.mapped, &mut self.squared_distances);
+                for (squared, &landmark) in self.squared_geodesics.iter_mut().zip(self.model.landmarks()) {
+                    *squared = self.squared_distances[landmark as usize] as f64;
+                }
+                self.squared_to_nearest = self.squared_distances.iter().copied().min().unwrap_or(u64::MAX);
+            }
         }
     }
 
@@ -134,7 +145,7 @@ impl Classifier {
         classification.log_likelihood =
             self.model.mixture().posterior(&classification.coordinates, &mut classification.probabilities);
         let radii = self.model.squared_radii();
-        let n_within = radii.partition_point(|radius| *radius < self.nearest[0].squared_distance);
+        let n_within = radii.partition_point(|radius| *radius < self.squared_to_nearest);
         classification.novelty = n_within as f64 / radii.len() as f64;
     }
 }

@@ -39,6 +39,18 @@ pub fn squared_distance(a: &[u16], b: &[u16]) -> u64 {
         .sum()
 }
 
+/// Squared distances from a frame to every reference frame, counts².
+///
+/// * `query` — counts on the response's scale, shape `(n_readings,)`
+/// * `squared` — shape `(n_frames,)`; overwritten
+pub fn squared_distances(frames: &Frames, query: &[u16], squared: &mut [u64]) {
+    assert_eq!(squared.len(), frames.n_frames(), "one distance for each reference frame");
+    squared
+        .iter_mut()
+        .enumerate()
+        .for_each(|(index, squared)| *squared = squared_distance(query, frames.row(index)));
+}
+
 /// The `nearest.len()` reference frames nearest to a frame, nearest first.
 ///
 /// * `query` — counts on the response's scale, shape `(n_readings,)`

@@ -33,27 +33,30 @@ pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
         _ => [write_file(folder, "trip1.mcap", TRIP1)?, write_file(folder, "trip2.mcap", TRIP2)?],
     };
 
-    println!("1. train: the kinds of {}, without labels", trip1.display());
     let model_path = folder.join("model.kinds");
+    println!("1. train: {} → {}", trip1.display(), model_path.display());
     learn(&trip1, &model_path)?;
 
     println!(
-        "\n2. serve, publish and watch {}, {SPEED} times as fast as recorded, as three processes",
+        "2. serve, publish, watch: {} at {SPEED} times the recorded pace, as three processes",
         trip2.display()
     );
     let reports = serve_and_watch(&model_path, &trip2, &stop)?;
-    let kinds_path = write_file(folder, "kinds.csv", &csv(&reports))?;
-    println!("   wrote {} ({} reports)", kinds_path.display(), reports.len());
+    println!("   {}", statistics(&reports));
+    write_file(folder, "kinds.csv", &csv(&reports))?;
 
-    println!("\n3. evaluate: do places that both trips saw get the same kind?");
+    println!("3. evaluate: do places that both trips saw get the same kind?");
     let model = model_file::open(&model_path)?;
     let selection = Selection { metres_per_count: model.layout().metres_per_count, ..Selection::default() };
     let plan = EvaluationPlan { radius_m: 0.3, share: 0.5, seed: 0 };
     let evaluation = evaluate::evaluate(model, [&trip1, &trip2], &selection, &plan)?;
+    println!("   {}", evaluate::headline(&evaluation));
+    for line in evaluate::table(&evaluation) {
+        println!("   {line}");
+    }
     let json = serde_json::to_vec_pretty(&evaluation).expect("an evaluation is plain data");
-    let evaluation_path = write_file(folder, "evaluation.json", &json)?;
-    print!("{}", evaluate::table(&evaluation));
-    println!("\nleft in {}: model.kinds, kinds.csv, {}", folder.display(), file_name(&evaluation_path));
+    write_file(folder, "evaluation.json", &json)?;
+    println!("left in {}: model.kinds, kinds.csv, evaluation.json", folder.display());
     Ok(())
 }
 
@@ -63,8 +66,9 @@ fn learn(trip: &Path, model_path: &Path) -> Result<(), Failure> {
     for remark in remarks {
         println!("   {remark}");
     }
-    let n_bytes = model_file::write(model_path, &model)?;
-    train::print_summary(&model, model_path, n_bytes)
+    model_file::write(model_path, &model)?;
+    println!("   {}", train::summary(&model));
+    Ok(())
 }
 
 /// Runs service and shim as processes in a domain of their own, and returns every report on the trip.
@@ -131,7 +135,6 @@ fn watch_until_end(
     if is_terminal {
         print!("\r\x1b[K");
     }
-    println!("   {} ", statistics(&reports));
     Ok(reports)
 }
 
@@ -174,10 +177,6 @@ fn write_file(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf, Failur
     Ok(path)
 }
 
-fn file_name(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
-}
-
 /// Another process of this program. Killed, and waited for, if it is still there when this goes out of scope.
 struct Process {
     name: &'static str,
@@ -208,10 +207,8 @@ impl Process {
         if let Some(out) = self.child.stdout.as_mut() {
             BufReader::new(out).read_line(&mut line)?;
         }
-        match line.is_empty() {
-            true => self.end_well(),
-            false => Ok(print!("   {line}")),
-        }
+        // It has ended without a word: say how.
+        if line.is_empty() { self.end_well() } else { Ok(()) }
     }
 
     fn has_ended(&mut self) -> Result<bool, Failure> {

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use kinds_model::Model;
-use kinds_trainer::{Evaluation, EvaluationPlan, load};
+use kinds_trainer::{Evaluation, EvaluationPlan, MethodScores, load};
 use kinds_trips::Selection;
 
 use crate::cli::EvaluateArguments;
@@ -22,7 +22,10 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
         let json = serde_json::to_string_pretty(&evaluation).expect("an evaluation is plain data");
         writeln!(out, "{json}")?;
     } else {
-        write!(out, "{}", table(&evaluation))?;
+        writeln!(out, "{}\n", headline(&evaluation))?;
+        for line in table(&evaluation) {
+            writeln!(out, "{line}")?;
+        }
     }
     Ok(())
 }
@@ -44,34 +47,43 @@ pub(crate) fn evaluate(
     };
     let (first, second) = (read(trips[0])?, read(trips[1])?);
     let evaluation = kinds_trainer::evaluate(model, &first, &second, plan, &mut |step, done, all| {
-        bar.fitting(step, done, all)
+        bar.fitting(step, done, all);
     });
     bar.clear();
     Ok(evaluation?)
 }
 
-/// The evaluation for a person.
-pub(crate) fn table(evaluation: &Evaluation) -> String {
-    let methods = &evaluation.methods;
-    let rows = [("Isomap", methods.isomap), ("PCA", methods.pca), ("random", methods.random)];
-    let mut text = format!(
-        "{:.0} % of the first trip's frames were revisited within {} m; consistent: over {:.0} % of those of the same kind\n\n",
+/// What was measured, for a person.
+pub(crate) fn headline(evaluation: &Evaluation) -> String {
+    format!(
+        "{:.0} % of the first trip's frames were revisited within {} m; consistent: over {:.0} % of those of the same kind",
         100.0 * evaluation.revisited,
         evaluation.radius_m,
         100.0 * evaluation.share,
-    );
-    text += "method  dims  kinds  consistency  chance  kappa   AMI  largest kind\n";
-    for (name, scores) in rows {
-        text += &format!(
-            "{name:6} {:>5} {:>6} {:>10.1} % {:>5.1} % {:>6.2} {:>5.2} {:>11.1} %\n",
+    )
+}
+
+/// The methods side by side, for a person: a line each, and one of titles.
+pub(crate) fn table(evaluation: &Evaluation) -> Vec<String> {
+    let methods = &evaluation.methods;
+    let rows = [("Isomap", methods.isomap), ("PCA", methods.pca), ("random", methods.random)];
+    let line = |(name, scores): (&str, MethodScores)| {
+        format!(
+            "{name:6} {:>5} {:>6} {:>10.1} % {:>5.1} % {:>6.2} {:>5.2} {:>11.1} %",
             scores.n_dims,
             scores.n_kinds,
             100.0 * scores.consistency,
             100.0 * scores.chance,
-            scores.kappa,
-            scores.ami,
+            hundredths(scores.kappa),
+            hundredths(scores.ami),
             100.0 * scores.largest_kind_share,
-        );
-    }
-    text
+        )
+    };
+    let titles = "method  dims  kinds  consistency  chance  kappa   AMI  largest kind".to_string();
+    std::iter::once(titles).chain(rows.map(line)).collect()
+}
+
+/// Rounded, without a minus before a zero.
+fn hundredths(value: f64) -> f64 {
+    (100.0 * value).round() / 100.0 + 0.0
 }

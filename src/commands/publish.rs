@@ -4,14 +4,14 @@ use kinds_driver_shim::{Replay, Shim};
 use kinds_messages::Node;
 use kinds_trips::TripReader;
 
-use crate::cli::{DomainArguments, PublishArguments};
+use crate::cli::PublishArguments;
 use crate::failure::Failure;
 use crate::stop;
 
-pub(crate) fn run(arguments: &PublishArguments, domain: &DomainArguments) -> Result<(), Failure> {
+pub(crate) fn run(arguments: &PublishArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
     let trip = TripReader::open(&arguments.trip, &arguments.selection())?;
-    let node = Node::open(&domain.domain(), "kinds-publish")?;
+    let node = Node::open(&arguments.domain.domain(), "kinds-publish")?;
     let (sensor, pace) = (&arguments.sensor, arguments.speed);
     let mut shim = Shim::new(&node, sensor, Replay::new(trip, pace), pace.flow())?;
     let summary = shim.run(&stop, &mut |notice| eprintln!("kinds: {notice}"))?;

@@ -7,14 +7,14 @@ use kinds_messages::Node;
 use kinds_model::Classifier;
 use kinds_service::Service;
 
-use crate::cli::{DomainArguments, ServeArguments};
+use crate::cli::ServeArguments;
 use crate::failure::Failure;
 use crate::{model_file, stop};
 
-pub(crate) fn run(arguments: &ServeArguments, domain: &DomainArguments) -> Result<(), Failure> {
+pub(crate) fn run(arguments: &ServeArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
     let model = Arc::new(model_file::open(&arguments.model)?);
-    let node = Node::open(&domain.domain(), "kinds-serve")?;
+    let node = Node::open(&arguments.domain.domain(), "kinds-serve")?;
     let sensor = &arguments.sensor;
     let mut service = Service::start(&node, sensor, Classifier::new(Arc::clone(&model)))?;
     say(&format!(

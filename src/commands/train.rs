@@ -24,7 +24,10 @@ pub(crate) fn run(arguments: TrainArguments) -> Result<(), Failure> {
         eprintln!("kinds: {remark}");
     }
     let n_bytes = model_file::write(&arguments.output, &model)?;
-    print_summary(&model, &arguments.output, n_bytes)?;
+    let (path, n_mb) = (arguments.output.display(), n_bytes as f64 / 1e6);
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{}", summary(&model))?;
+    writeln!(out, "wrote {path} ({n_mb:.1} MB, model {})", model.id())?;
     Ok(())
 }
 
@@ -48,22 +51,19 @@ fn read_config(path: &Path) -> Result<Config, Failure> {
         .map_err(|error| Failure::AskedWrongly(format!("configuration {}, {error}", path.display())))
 }
 
-pub(crate) fn print_summary(model: &Model, path: &Path, n_bytes: usize) -> Result<(), Failure> {
+/// What was learnt, in a line.
+pub(crate) fn summary(model: &Model) -> String {
     let (plan, provenance) = (&model.manifest().plan, &model.manifest().provenance);
-    let unexplained = provenance.residual_variance[plan.n_dims - 1];
-    let mut out = std::io::stdout().lock();
-    writeln!(
-        out,
-        "learnt {} kinds from {} frames of {} readings: {} of {} in {} dimensions, residual variance {unexplained:.4}",
+    format!(
+        "learnt {} kinds from {} frames of {} readings: {} of {} in {} dimensions, residual variance {:.4}",
         plan.em.n_kinds,
         model.manifest().n_frames,
         plan.sensor.n_readings(),
         method_name(plan.method),
         scale_name(plan.response.scale),
         plan.n_dims,
-    )?;
-    writeln!(out, "wrote {} ({:.1} MB, model {})", path.display(), n_bytes as f64 / 1e6, model.id())?;
-    Ok(())
+        provenance.residual_variance[plan.n_dims - 1],
+    )
 }
 
 pub(crate) fn method_name(method: Method) -> &'static str {

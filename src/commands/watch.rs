@@ -7,13 +7,14 @@ use std::time::Duration;
 use kinds_messages::{KindReport, Node, ReportReader, ReportStatus, SensorName};
 use serde::Serialize;
 
-use crate::cli::{DomainArguments, WatchArguments};
+use crate::cli::WatchArguments;
 use crate::failure::Failure;
 use crate::stop;
 
-pub(crate) fn run(arguments: &WatchArguments, domain: &DomainArguments) -> Result<(), Failure> {
+pub(crate) fn run(arguments: &WatchArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
-    let mut reports = Reports::open(Node::open(&domain.domain(), "kinds-watch")?, &arguments.sensor)?;
+    let mut reports =
+        Reports::open(Node::open(&arguments.domain.domain(), "kinds-watch")?, &arguments.sensor)?;
     let mut out = BufWriter::new(std::io::stdout().lock());
     let mut n_left = arguments.count.unwrap_or(u64::MAX);
     while n_left > 0 && !stop.load(Ordering::Relaxed) {

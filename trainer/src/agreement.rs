@@ -16,11 +16,13 @@ pub fn adjusted_mutual_information(pairs: &[(usize, usize)]) -> f64 {
     }
     let mean_entropy = 0.5 * (table.entropy(&table.rows) + table.entropy(&table.columns));
     let expected = table.expected_mutual_information();
-    let denominator = mean_entropy - expected;
-    // Rounding may bring the difference of equal numbers to either side of zero.
-    let least = f64::EPSILON.copysign(if denominator == 0.0 { 1.0 } else { denominator });
-    let denominator = if denominator.abs() < f64::EPSILON { least } else { denominator };
-    (table.mutual_information() - expected) / denominator
+    away_from_zero(table.mutual_information() - expected) / away_from_zero(mean_entropy - expected)
+}
+
+/// Rounding may bring the difference of equal numbers to either side of zero. Where numerator and denominator both vanish,
+/// as for two frames of two kinds, no labelling could agree better by chance: that counts as 1.
+fn away_from_zero(difference: f64) -> f64 {
+    if difference < 0.0 { difference.min(-f64::EPSILON) } else { difference.max(f64::EPSILON) }
 }
 
 /// How often each pair of labels occurs.
