@@ -1,10 +1,10 @@
 //! Progress bars on standard error, for steps that take over a second.
 
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use kinds_model::Step;
+use kinds_trainer::Stage;
 
 /// A step that ends sooner is not worth a bar.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -21,27 +21,21 @@ impl StepBar {
         Self { name: String::new(), started: Instant::now(), bar: None }
     }
 
-    /// Told bytes read of a trip.
-    pub(crate) fn reading(&mut self, path: &Path, read: u64, all: u64) {
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        self.show(&format!("reading {name}"), read, all);
-    }
-
-    /// Told a step of fitting.
-    pub(crate) fn fitting(&mut self, step: Step, done: usize, all: usize) {
-        let name = match step {
-            Step::Neighbors => "nearest neighbours",
-            Step::Geodesics => "geodesics",
-            Step::Embedding => "embedding",
-            Step::Kinds => "kinds",
+    /// Told how much of a stage is done.
+    pub(crate) fn show(&mut self, stage: Stage, done: u64, all: u64) {
+        let name = match stage {
+            Stage::Reading(path) => {
+                format!("reading {}", path.file_name().unwrap_or(path.as_os_str()).to_string_lossy())
+            }
+            Stage::Fitting(Step::Neighbors) => "nearest neighbours".to_string(),
+            Stage::Fitting(Step::Geodesics) => "geodesics".to_string(),
+            Stage::Fitting(Step::Embedding) => "embedding".to_string(),
+            Stage::Fitting(Step::Kinds) => "kinds".to_string(),
+            Stage::Classifying => "classifying".to_string(),
         };
-        self.show(name, done as u64, all as u64);
-    }
-
-    fn show(&mut self, name: &str, done: u64, all: u64) {
         if self.name != name {
             self.clear();
-            self.name = name.to_string();
+            self.name = name;
             self.started = Instant::now();
         }
         if self.bar.is_none() && self.started.elapsed() >= PATIENCE && done < all {

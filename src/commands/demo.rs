@@ -1,5 +1,6 @@
 //! `kinds demo`: the whole way once, with real processes, on two trips.
 
+use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -73,39 +74,43 @@ fn learn(trip: &Path, model_path: &Path) -> Result<(), Failure> {
 
 /// Runs service and shim as processes in a domain of their own, and returns every report on the trip.
 fn serve_and_watch(model: &Path, trip: &Path, stop: &AtomicBool) -> Result<Vec<KindReport>, Failure> {
-    let root = tempfile::Builder::new().prefix("kinds").tempdir();
-    let root = root.map_err(|error| Failure::CouldNot(format!("cannot make a temporary folder: {error}")))?;
-    let domain = Domain::in_folder(root.path());
+    // Declared first, so that it goes last.
+    let domain = OwnDomain::make()?;
     let sensor: SensorName = SENSOR.parse().expect("the name is as it should be");
-    let reports = {
-        let mut watched = watch::Reports::open(Node::open(&domain, "kinds-demo")?, &sensor)?;
-        let model = model.as_os_str().to_os_string();
-        let mut service = Process::start(
-            root.path(),
-            "serve",
-            &["--model".into(), model, "--sensor".into(), SENSOR.into()],
-        )?;
-        service.await_line()?;
-        let publish = [
-            "--trip".into(),
-            trip.as_os_str().into(),
-            "--sensor".into(),
-            SENSOR.into(),
-            "--speed".into(),
-            SPEED.into(),
-        ];
-        let mut shim = Process::start(root.path(), "publish", &publish)?;
-        let reports = watch_until_end(&mut watched, &mut shim, stop)?;
-        shim.end_well()?;
-        service.terminate();
-        service.end_well()?;
-        reports
-    };
-    // Nothing of ours is open in it any more.
-    domain
-        .remove_remains()
-        .map_err(|error| Failure::CouldNot(format!("cannot clean up shared memory: {error}")))?;
+    let mut watched = watch::Reports::open(Node::open(&domain.domain, "kinds-demo")?, &sensor)?;
+    let mut service = Process::start(&domain, "serve", &["--model".as_ref(), model.as_os_str()])?;
+    service.await_line()?;
+    let replay = ["--trip".as_ref(), trip.as_os_str(), "--speed".as_ref(), SPEED.as_ref()];
+    let mut shim = Process::start(&domain, "publish", &replay)?;
+    let reports = watch_until_end(&mut watched, &mut shim, stop)?;
+    shim.end_well()?;
+    service.terminate();
+    service.end_well()?;
     Ok(reports)
+}
+
+/// A domain that ends with the demo and leaves nothing in shared memory.
+struct OwnDomain {
+    root: tempfile::TempDir,
+    domain: Domain,
+}
+
+impl OwnDomain {
+    fn make() -> Result<Self, Failure> {
+        let root = tempfile::Builder::new().prefix("kinds").tempdir();
+        let root =
+            root.map_err(|error| Failure::CouldNot(format!("cannot make a temporary folder: {error}")))?;
+        let domain = Domain::in_folder(root.path());
+        Ok(Self { root, domain })
+    }
+}
+
+impl Drop for OwnDomain {
+    fn drop(&mut self) {
+        if let Err(error) = self.domain.remove_remains() {
+            eprintln!("kinds: cannot clean up shared memory: {error}");
+        }
+    }
 }
 
 /// Collects reports until the shim has ended and none is left. The shim ends only when its frames have been reported.
@@ -184,14 +189,15 @@ struct Process {
 }
 
 impl Process {
-    fn start(domain: &Path, name: &'static str, arguments: &[std::ffi::OsString]) -> Result<Self, Failure> {
+    fn start(domain: &OwnDomain, name: &'static str, arguments: &[&OsStr]) -> Result<Self, Failure> {
         let failed = |error| Failure::CouldNot(format!("cannot start kinds {name}: {error}"));
         let program = std::env::current_exe().map_err(failed)?;
         let mut command = Command::new(program);
         command
-            .arg("--domain")
-            .arg(domain)
             .arg(name)
+            .arg("--domain")
+            .arg(domain.root.path())
+            .args(["--sensor", SENSOR])
             .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped());

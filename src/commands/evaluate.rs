@@ -39,15 +39,15 @@ pub(crate) fn evaluate(
 ) -> Result<Evaluation, Failure> {
     let mut bar = StepBar::new();
     let mut read = |path: &Path| {
-        let trip = load(path, selection, &mut |read, all| bar.reading(path, read, all))?;
+        let trip = load(path, selection, &mut |stage, done, all| bar.show(stage, done, all))?;
         if let Some(remark) = &trip.truncation {
             eprintln!("kinds: {remark}");
         }
         Ok::<_, Failure>(trip)
     };
     let (first, second) = (read(trips[0])?, read(trips[1])?);
-    let evaluation = kinds_trainer::evaluate(model, &first, &second, plan, &mut |step, done, all| {
-        bar.fitting(step, done, all);
+    let evaluation = kinds_trainer::evaluate(model, &first, &second, plan, &mut |stage, done, all| {
+        bar.show(stage, done, all);
     });
     bar.clear();
     Ok(evaluation?)

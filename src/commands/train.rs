@@ -1,6 +1,5 @@
 //! `kinds train`: recorded trips → model file.
 
-use std::cell::RefCell;
 use std::io::Write;
 use std::path::Path;
 
@@ -33,14 +32,9 @@ pub(crate) fn run(arguments: TrainArguments) -> Result<(), Failure> {
 
 /// Trains with a progress bar.
 pub(crate) fn train(trips: &[std::path::PathBuf], config: &Config) -> Result<Trained, Failure> {
-    let bar = RefCell::new(StepBar::new());
-    let trained = kinds_trainer::train(
-        trips,
-        config,
-        &mut |path, read, all| bar.borrow_mut().reading(path, read, all),
-        &mut |step, done, all| bar.borrow_mut().fitting(step, done, all),
-    );
-    bar.borrow_mut().clear();
+    let mut bar = StepBar::new();
+    let trained = kinds_trainer::train(trips, config, &mut |stage, done, all| bar.show(stage, done, all));
+    bar.clear();
     Ok(trained?)
 }
 

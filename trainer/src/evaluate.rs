@@ -4,7 +4,6 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use kinds_model::fit::Progress;
 use kinds_model::{Classifier, FitError, FitPlan, Method, Model, SensorLayout, refit};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -14,6 +13,7 @@ use serde::Serialize;
 use crate::agreement::adjusted_mutual_information;
 use crate::consistency::{Places, Revisits, kappa};
 use crate::load::LoadedTrip;
+use crate::progress::{Progress, Stage, fitting};
 
 /// How consistency is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -165,11 +165,17 @@ pub fn evaluate(
         Method::Isomap => (Method::Pca, "principal components"),
         Method::Pca => (Method::Isomap, "Isomap"),
     };
-    let other = refit(&model, &FitPlan { method: other, ..fit_plan.clone() }, progress)
+    let other = refit(&model, &FitPlan { method: other, ..fit_plan.clone() }, &mut fitting(progress))
         .map_err(|error| EvaluateError::Refit { method: name, error })?;
+    let n_frames = 2 * (first.frames.len() + second.frames.len()) as u64;
+    let mut n_done = 0;
+    let mut classified = || {
+        n_done += 1;
+        progress(Stage::Classifying, n_done, n_frames);
+    };
     let mut by_method = [model, other].map(|model| {
         let mut classifier = Classifier::new(Arc::new(model));
-        [first.kinds(&mut classifier), second.kinds(&mut classifier)]
+        [&first, &second].map(|placed| placed.kinds(&mut classifier, &mut classified))
     });
     if fit_plan.method == Method::Pca {
         by_method.reverse();
@@ -212,8 +218,13 @@ impl<'a> Placed<'a> {
         }
     }
 
-    fn kinds(&self, classifier: &mut Classifier) -> Vec<usize> {
-        self.frames.iter().map(|counts| classifier.classify(counts).kind).collect()
+    fn kinds(&self, classifier: &mut Classifier, classified: &mut dyn FnMut()) -> Vec<usize> {
+        let kind = |counts: &&[u16]| {
+            let kind = classifier.classify(counts).kind;
+            classified();
+            kind
+        };
+        self.frames.iter().map(kind).collect()
     }
 }
 

@@ -9,6 +9,7 @@ mod config;
 mod consistency;
 mod evaluate;
 mod load;
+mod progress;
 mod train;
 
 pub use agreement::adjusted_mutual_information;
@@ -16,4 +17,5 @@ pub use config::{Config, ConfigError};
 pub use consistency::{Consistency, Places, Revisits, kappa};
 pub use evaluate::{EvaluateError, Evaluation, EvaluationPlan, MethodScores, evaluate};
 pub use load::{LoadError, LoadedTrip, load};
+pub use progress::{Progress, Stage};
 pub use train::{TrainError, Trained, train};

@@ -6,6 +6,8 @@ use kinds_model::SensorLayout;
 use kinds_model::response::INVALID;
 use kinds_trips::{Pose, Selection, TripError, TripReader};
 
+use crate::progress::{Progress, Stage};
+
 /// The frames of a trip that have a valid reading.
 #[derive(Clone, Debug)]
 pub struct LoadedTrip {
@@ -53,17 +55,11 @@ impl LoadedTrip {
 
 /// Reads a trip.
 ///
-/// * `done` — told bytes read and bytes in all, now and then
-///
 /// Holds all frames: 40 MB for 1000 frames of 19840 readings.
 ///
 /// # Errors
 /// If the recording cannot be read, or no frame has a valid reading.
-pub fn load(
-    path: &Path,
-    selection: &Selection,
-    done: &mut dyn FnMut(u64, u64),
-) -> Result<LoadedTrip, LoadError> {
+pub fn load(path: &Path, selection: &Selection, progress: &mut Progress) -> Result<LoadedTrip, LoadError> {
     let mut reader = TripReader::open(path, selection)?;
     let layout = reader.layout();
     let layout = SensorLayout {
@@ -87,7 +83,7 @@ pub fn load(
             poses.push(frame.pose);
         }
         let (read, all) = reader.progress();
-        done(read, all);
+        progress(Stage::Reading(path), read, all);
     }
     if poses.is_empty() {
         return Err(LoadError::AllInvalid { path: path.to_path_buf(), n_frames: n_frames_invalid });

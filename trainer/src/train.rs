@@ -1,12 +1,12 @@
 //! From trips to a model.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use kinds_model::fit::Progress;
 use kinds_model::{FitError, Model, SensorLayout, fit};
 
 use crate::config::{Config, ConfigError};
 use crate::load::{LoadError, load};
+use crate::progress::{Progress, fitting};
 
 /// A model, and what a person should know about how it came to be.
 #[derive(Debug)]
@@ -50,23 +50,15 @@ pub enum TrainError {
 
 /// Trains a model on the frames of one or more trips of one sensor.
 ///
-/// * `reading` — told bytes read and bytes in all of each trip
-/// * `progress` — told the steps of fitting
-///
 /// # Errors
 /// If a trip cannot be read, trips differ in sensor, or their frames make no model of this configuration.
-pub fn train(
-    trips: &[PathBuf],
-    config: &Config,
-    reading: &mut dyn FnMut(&Path, u64, u64),
-    progress: &mut Progress,
-) -> Result<Trained, TrainError> {
+pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Result<Trained, TrainError> {
     config.check()?;
     let selection = config.selection();
     let mut remarks = Vec::new();
     let (mut counts, mut sensor, mut n_frames_invalid) = (Vec::new(), None, 0);
     for path in trips {
-        let mut trip = load(path, &selection, &mut |read, all| reading(path, read, all))?;
+        let mut trip = load(path, &selection, progress)?;
         let expected = *sensor.get_or_insert(trip.layout);
         if trip.layout != expected {
             return Err(TrainError::OtherSensor { path: path.clone(), found: trip.layout, expected });
@@ -83,7 +75,8 @@ pub fn train(
     }
     let plan = config.plan(sensor, &counts)?;
     let names = trips.iter().map(|path| path.display().to_string()).collect();
-    let model = fit(counts, &plan, names, progress).map_err(|error| TrainError::Fit { n_frames, error })?;
+    let model = fit(counts, &plan, names, &mut fitting(progress))
+        .map_err(|error| TrainError::Fit { n_frames, error })?;
     remarks.extend(remark_on_islands(&model));
     Ok(Trained { model, remarks })
 }

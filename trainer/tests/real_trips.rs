@@ -22,9 +22,9 @@ fn trips(sensor: &str) -> Option<[PathBuf; 2]> {
 }
 
 fn learn_and_evaluate(trips: &[PathBuf; 2], config: &Config, radius_m: f64) -> Evaluation {
-    let trained = train(&trips[..1], config, &mut |_, _, _| (), &mut |_, _, _| ()).unwrap();
+    let trained = train(&trips[..1], config, &mut |_, _, _| ()).unwrap();
     let [first, second] =
-        [0, 1].map(|trip| load(&trips[trip], &Selection::default(), &mut |_, _| ()).unwrap());
+        [0, 1].map(|trip| load(&trips[trip], &Selection::default(), &mut |_, _, _| ()).unwrap());
     let plan = EvaluationPlan { radius_m, share: 0.5, seed: 0 };
     evaluate(trained.model, &first, &second, &plan, &mut |_, _, _| ()).unwrap()
 }
