@@ -1,14 +1,13 @@
 //! What must hold of the shim, with devices and services made up, each test in a domain of its own.
 
-use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use kinds_messages::{
-    Command, Domain, FrameReader, KindReport, Node, Pose, ReportPublisher, SensorName, monotonic_ns,
-    ns_since_epoch,
+    Command, Domain, FrameReader, KindReport, Node, OwnDomain, Pose, ReportPublisher, SensorName,
+    monotonic_ns, ns_since_epoch,
 };
 use kinds_trips::{FrameLayout, Stamp};
 
@@ -68,33 +67,6 @@ impl Sensor for Sleeper<'_> {
             self.stop.store(true, Ordering::Relaxed);
         }
         Ok(Reading::NotYet)
-    }
-}
-
-/// A domain that no other test knows.
-struct TestDomain {
-    domain: Domain,
-    _folder: tempfile::TempDir,
-}
-
-impl TestDomain {
-    fn new() -> Self {
-        let folder = tempfile::Builder::new().prefix("k").tempdir_in("/tmp").unwrap();
-        Self { domain: Domain::in_folder(folder.path()), _folder: folder }
-    }
-}
-
-impl Deref for TestDomain {
-    type Target = Domain;
-
-    fn deref(&self) -> &Domain {
-        &self.domain
-    }
-}
-
-impl Drop for TestDomain {
-    fn drop(&mut self) {
-        self.domain.remove_remains().unwrap();
     }
 }
 
@@ -192,7 +164,7 @@ impl Service {
 
 #[test]
 fn frames_of_a_device_are_numbered_and_say_all_that_is_known() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let reader = FrameReader::open(&node, &ring()).unwrap();
     let (wall, monotonic) = (ns_since_epoch() as u64, monotonic_ns());
@@ -214,7 +186,7 @@ fn frames_of_a_device_are_numbered_and_say_all_that_is_known() {
 
 #[test]
 fn stop_flag_ends_a_shim_whose_device_has_no_frame_and_the_loan_stays_the_same() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let stop = AtomicBool::new(false);
     let mut shim =
         Shim::new(&open(&domain), &ring(), Sleeper { n_reads: 0, stop: &stop }, Flow::Live).unwrap();
@@ -225,7 +197,7 @@ fn stop_flag_ends_a_shim_whose_device_has_no_frame_and_the_loan_stays_the_same()
 
 #[test]
 fn stop_flag_ends_a_shim_that_publishes_and_one_that_waits() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let stop = AtomicBool::new(true);
     for flow in [Flow::Live, Flow::FromFirstReader, Flow::Followed] {
         let mut shim = Shim::new(&open(&domain), &ring(), Counter::new(5), flow).unwrap();
@@ -235,7 +207,7 @@ fn stop_flag_ends_a_shim_that_publishes_and_one_that_waits() {
 
 #[test]
 fn run_that_is_over_at_once_is_not_lost_on_a_reader_that_waits() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let (ready, is_ready) = mpsc::channel();
     thread::scope(|scope| {
         let reading = scope.spawn(|| {
@@ -262,7 +234,7 @@ fn run_that_is_over_at_once_is_not_lost_on_a_reader_that_waits() {
 
 #[test]
 fn first_frame_waits_for_the_first_reader() {
-    let (domain, stop) = (TestDomain::new(), AtomicBool::new(false));
+    let (domain, stop) = (OwnDomain::make().unwrap(), AtomicBool::new(false));
     thread::scope(|scope| {
         let shim = Running::start(scope, &domain, &stop, 3, Flow::FromFirstReader);
         shim.expect(Notice::WaitingForReader { sensor: ring() });
@@ -285,7 +257,7 @@ fn first_frame_waits_for_the_first_reader() {
 #[test]
 fn followed_shim_sends_a_window_ahead_of_the_reports_and_no_more() {
     const N_FRAMES: u64 = 5 * FOLLOW_WINDOW + 3;
-    let (domain, stop) = (TestDomain::new(), AtomicBool::new(false));
+    let (domain, stop) = (OwnDomain::make().unwrap(), AtomicBool::new(false));
     thread::scope(|scope| {
         let shim = Running::start(scope, &domain, &stop, N_FRAMES, Flow::Followed);
         shim.expect(Notice::WaitingForService { sensor: ring() });
@@ -306,7 +278,7 @@ fn followed_shim_sends_a_window_ahead_of_the_reports_and_no_more() {
 
 #[test]
 fn followed_shim_waits_for_another_service_when_the_first_goes_and_counts_what_it_left() {
-    let (domain, stop) = (TestDomain::new(), AtomicBool::new(false));
+    let (domain, stop) = (OwnDomain::make().unwrap(), AtomicBool::new(false));
     thread::scope(|scope| {
         let first = Service::start(&domain);
         let shim = Running::start(scope, &domain, &stop, 12, Flow::Followed);
@@ -328,7 +300,7 @@ fn followed_shim_waits_for_another_service_when_the_first_goes_and_counts_what_i
 
 #[test]
 fn silence_of_a_service_is_noticed_and_ends_the_wait_for_its_last_reports() {
-    let (domain, stop) = (TestDomain::new(), AtomicBool::new(false));
+    let (domain, stop) = (OwnDomain::make().unwrap(), AtomicBool::new(false));
     thread::scope(|scope| {
         let service = Service::start(&domain);
         let shim = Running::start(scope, &domain, &stop, FOLLOW_WINDOW + 1, Flow::Followed);

@@ -145,7 +145,7 @@ pub enum DomainError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::TestDomain;
+    use crate::OwnDomain;
     use crate::{FrameReader, Node};
 
     fn error(root: &str, prefix: &str) -> String {
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn longest_root_allowed_takes_sockets() {
-        let test = TestDomain::new();
+        let test = OwnDomain::make().unwrap();
         let n_fill = ROOT_AND_PREFIX_MAX - test.root.as_os_str().len() - test.prefix.len() - 1;
         let domain = Domain { root: test.root.join("x".repeat(n_fill)), prefix: test.prefix.clone() };
         let node = Node::open(&domain, "test").unwrap();

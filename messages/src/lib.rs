@@ -43,6 +43,7 @@ mod kind_report;
 mod memory;
 mod name;
 mod node;
+mod own_domain;
 mod reports;
 #[cfg(test)]
 mod testing;
@@ -59,4 +60,5 @@ pub use kind_report::{KindReport, MAX_DIMS, MAX_KINDS, ReportStatus};
 pub use memory::{frames_memory_bytes, reports_memory_bytes};
 pub use name::{SensorName, SensorNameError};
 pub use node::Node;
+pub use own_domain::OwnDomain;
 pub use reports::{ReportPublisher, ReportReader, ServiceId};

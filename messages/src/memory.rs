@@ -61,7 +61,8 @@ fn enough(channel: &Channel, needed_bytes: u64, free_bytes: u64) -> Result<(), C
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::TestDomain;
+    use crate::OwnDomain;
+    use crate::testing::{frames_channel, shared_memory_bytes};
     use crate::{FramePublisher, FrameReader, Node, ReportPublisher, ReportReader};
 
     #[test]
@@ -73,8 +74,8 @@ mod tests {
 
     #[test]
     fn too_little_shared_memory_is_refused_in_words() {
-        let domain = TestDomain::new();
-        let channel = domain.frames_channel("crunch/ring");
+        let domain = OwnDomain::make().unwrap();
+        let channel = frames_channel(&domain, "crunch/ring");
         assert!(enough(&channel, 6_000_000, 6_000_000).is_ok());
         assert_eq!(
             enough(&channel, 6_000_001, 1_999_999).unwrap_err().to_string(),
@@ -86,7 +87,7 @@ mod tests {
     #[test]
     fn what_is_asked_for_covers_what_the_transport_takes() {
         for n_readings in [1, 16, 19840] {
-            let domain = TestDomain::new();
+            let domain = OwnDomain::make().unwrap();
             let node = Node::open(&domain, "test").unwrap();
             let sensor = "ring".parse().unwrap();
             let _publisher = FramePublisher::create(&node, &sensor, n_readings).unwrap();
@@ -98,9 +99,9 @@ mod tests {
                     reader
                 })
                 .collect();
-            check_against(domain.shared_memory_bytes(), frames_memory_bytes(n_readings));
+            check_against(shared_memory_bytes(&domain), frames_memory_bytes(n_readings));
         }
-        let domain = TestDomain::new();
+        let domain = OwnDomain::make().unwrap();
         let node = Node::open(&domain, "test").unwrap();
         let sensor = "ring".parse().unwrap();
         let _publisher = ReportPublisher::create(&node, &sensor).unwrap();
@@ -112,7 +113,7 @@ mod tests {
                 reader
             })
             .collect();
-        check_against(domain.shared_memory_bytes(), reports_memory_bytes());
+        check_against(shared_memory_bytes(&domain), reports_memory_bytes());
     }
 
     fn check_against(taken: u64, asked: u64) {

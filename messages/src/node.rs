@@ -62,11 +62,11 @@ fn log_level() -> LogLevel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::TestDomain;
+    use crate::OwnDomain;
 
     #[test]
     fn root_where_nothing_can_be_made_is_refused_in_words() {
-        let test = TestDomain::new();
+        let test = OwnDomain::make().unwrap();
         let file = test.root.join("file");
         std::fs::write(&file, "").unwrap();
         let domain = Domain { root: file.join("root"), prefix: test.prefix.clone() };
@@ -82,7 +82,7 @@ mod tests {
 
     #[test]
     fn process_name_that_is_too_long_is_refused_in_words() {
-        let test = TestDomain::new();
+        let test = OwnDomain::make().unwrap();
         let name = "x".repeat(200);
         assert_eq!(
             Node::open(&test, &name).unwrap_err().to_string(),

@@ -1,53 +1,27 @@
-//! What tests need: a domain of their own, and a view of this process's memory.
+//! What tests need: a view of a domain's and of this process's memory.
 
-use std::ops::{Deref, Range};
+use std::ops::Range;
 use std::path::PathBuf;
 
 use crate::channel::{Channel, Purpose};
 use crate::{Domain, FrameHeader};
 
-/// A domain that no other test knows, removed with all its files at the end.
-pub(crate) struct TestDomain {
-    domain: Domain,
-    _folder: tempfile::TempDir,
+/// A channel of frames in a domain.
+pub(crate) fn frames_channel(domain: &Domain, sensor: &str) -> Channel {
+    Channel { sensor: sensor.parse().unwrap(), purpose: Purpose::Frames, root: domain.root.clone() }
 }
 
-impl TestDomain {
-    pub(crate) fn new() -> Self {
-        let folder = tempfile::Builder::new().prefix("k").tempdir_in("/tmp").unwrap();
-        Self { domain: Domain::in_folder(folder.path()), _folder: folder }
-    }
-
-    pub(crate) fn frames_channel(&self, sensor: &str) -> Channel {
-        Channel { sensor: sensor.parse().unwrap(), purpose: Purpose::Frames, root: self.domain.root.clone() }
-    }
-
-    /// Size of everything that this domain has in shared memory.
-    pub(crate) fn shared_memory_bytes(&self) -> u64 {
-        self.shared_files().iter().map(|path| std::fs::metadata(path).unwrap().len()).sum()
-    }
-
-    fn shared_files(&self) -> Vec<PathBuf> {
-        std::fs::read_dir("/dev/shm")
-            .unwrap()
-            .map(|entry| entry.unwrap().path())
-            .filter(|path| path.file_name().unwrap().to_string_lossy().starts_with(&self.domain.prefix))
-            .collect()
-    }
+/// Size of everything that a domain has in shared memory.
+pub(crate) fn shared_memory_bytes(domain: &Domain) -> u64 {
+    shared_files(domain).iter().map(|path| std::fs::metadata(path).unwrap().len()).sum()
 }
 
-impl Deref for TestDomain {
-    type Target = Domain;
-
-    fn deref(&self) -> &Domain {
-        &self.domain
-    }
-}
-
-impl Drop for TestDomain {
-    fn drop(&mut self) {
-        self.domain.remove_remains().unwrap();
-    }
+fn shared_files(domain: &Domain) -> Vec<PathBuf> {
+    std::fs::read_dir("/dev/shm")
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.file_name().unwrap().to_string_lossy().starts_with(&domain.prefix))
+        .collect()
 }
 
 /// A header by which a test tells its frames apart.

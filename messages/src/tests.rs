@@ -4,7 +4,8 @@ use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::testing::{TestDomain, header, lies_in_shared_memory};
+use crate::OwnDomain;
+use crate::testing::{frames_channel, header, lies_in_shared_memory, shared_memory_bytes};
 use crate::{
     ChannelError, Domain, FRAME_BUFFER, Frame, FramePublisher, FrameReader, KindReport, Node, REPORT_BUFFER,
     ReportPublisher, ReportReader, SensorName, WakeUp, monotonic_ns,
@@ -45,7 +46,7 @@ fn reported(reader: &ReportReader) -> Vec<u64> {
 
 #[test]
 fn frame_is_read_where_the_publisher_wrote_it() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let reader = FrameReader::open(&node, &ring()).unwrap();
     let publisher = FramePublisher::create(&node, &ring(), N_READINGS).unwrap();
@@ -72,7 +73,7 @@ fn memory_of_this_process_is_not_taken_for_shared() {
 
 #[test]
 fn either_end_of_a_channel_may_come_first() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let (node, other) = (open(&domain), open(&domain));
     let early = FrameReader::open(&other, &ring()).unwrap();
     assert!(!early.is_published());
@@ -86,7 +87,7 @@ fn either_end_of_a_channel_may_come_first() {
 
 #[test]
 fn full_buffer_loses_the_oldest_first() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let frames = FrameReader::open(&node, &ring()).unwrap();
     let publisher = FramePublisher::create(&node, &ring(), N_READINGS).unwrap();
@@ -103,7 +104,7 @@ fn full_buffer_loses_the_oldest_first() {
 
 #[test]
 fn late_joiner_gets_the_last_report_at_the_next_tick_and_is_woken() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let publisher = ReportPublisher::create(&node, &ring()).unwrap();
     (0..3).for_each(|sequence| publisher.send(&report(sequence)).unwrap());
@@ -117,7 +118,7 @@ fn late_joiner_gets_the_last_report_at_the_next_tick_and_is_woken() {
 
 #[test]
 fn late_joiner_gets_no_frames_of_the_past() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let publisher = FramePublisher::create(&node, &ring(), N_READINGS).unwrap();
     send_frame(&publisher, 0);
@@ -130,7 +131,7 @@ fn late_joiner_gets_no_frames_of_the_past() {
 
 #[test]
 fn wait_ends_with_an_event_or_at_its_timeout() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let reader = FrameReader::open(&node, &ring()).unwrap();
     assert_eq!(reader.wait(Duration::from_millis(1)).unwrap(), WakeUp::Timeout);
@@ -143,7 +144,7 @@ fn wait_ends_with_an_event_or_at_its_timeout() {
 
 #[test]
 fn second_publisher_is_refused_in_words_until_the_first_goes() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let (node, other) = (open(&domain), open(&domain));
     let shim = FramePublisher::create(&node, &ring(), N_READINGS).unwrap();
     assert_eq!(
@@ -163,7 +164,7 @@ fn second_publisher_is_refused_in_words_until_the_first_goes() {
 
 #[test]
 fn frames_not_yet_taken_outlive_a_publisher_that_the_reader_has_connected_to() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let reader_node = open(&domain);
     let reader = FrameReader::open(&reader_node, &ring()).unwrap();
     {
@@ -183,7 +184,7 @@ fn frames_not_yet_taken_outlive_a_publisher_that_the_reader_has_connected_to() {
 
 #[test]
 fn frames_of_a_publisher_that_no_reader_looked_at_go_with_it() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let reader_node = open(&domain);
     let reader = FrameReader::open(&reader_node, &ring()).unwrap();
     {
@@ -196,7 +197,7 @@ fn frames_of_a_publisher_that_no_reader_looked_at_go_with_it() {
 
 #[test]
 fn one_loan_at_a_time_and_two_frames_in_hand() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let reader = FrameReader::open(&node, &ring()).unwrap();
     let publisher = FramePublisher::create(&node, &ring(), N_READINGS).unwrap();
@@ -220,7 +221,7 @@ fn one_loan_at_a_time_and_two_frames_in_hand() {
 
 #[test]
 fn more_readers_than_a_channel_has_room_for_are_refused_in_words() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let _readers: Vec<_> = (0..8).map(|_| FrameReader::open(&node, &ring()).unwrap()).collect();
     assert_eq!(
@@ -231,9 +232,9 @@ fn more_readers_than_a_channel_has_room_for_are_refused_in_words() {
 
 #[test]
 fn channel_of_another_layout_is_refused_in_words() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
-    let name = domain.frames_channel("crunch/ring").service_name();
+    let name = frames_channel(&domain, "crunch/ring").service_name();
     let _other = node.inner.service_builder(&name).publish_subscribe::<[u32]>().create().unwrap();
     assert_eq!(
         FrameReader::open(&node, &ring()).unwrap_err().to_string(),
@@ -244,7 +245,7 @@ fn channel_of_another_layout_is_refused_in_words() {
 
 #[test]
 fn report_of_another_version_is_refused_in_words() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let reader = ReportReader::open(&node, &ring()).unwrap();
     let publisher = ReportPublisher::create(&node, &ring()).unwrap();
@@ -262,7 +263,7 @@ fn report_of_another_version_is_refused_in_words() {
 
 #[test]
 fn another_service_has_another_identity() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let reader = ReportReader::open(&node, &ring()).unwrap();
     assert_eq!(reader.service(), None);
@@ -277,8 +278,8 @@ fn another_service_has_another_identity() {
 
 #[test]
 fn transports_words_stay_out_of_other_sentences() {
-    let domain = TestDomain::new();
-    let channel = domain.frames_channel("crunch/ring");
+    let domain = OwnDomain::make().unwrap();
+    let channel = frames_channel(&domain, "crunch/ring");
     for (error, sentence) in [
         (
             ChannelError::transport("open", &channel, "SystemInFlux"),
@@ -317,7 +318,7 @@ fn publish_until_killed() {
 
 #[test]
 fn killed_publishers_leave_their_places_at_once() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let frames = FrameReader::open(&node, &ring()).unwrap();
     let reports = ReportReader::open(&node, &ring()).unwrap();
@@ -356,7 +357,7 @@ fn start_publisher(domain: &Domain) -> Child {
 
 #[test]
 fn nothing_but_the_transports_own_small_file_is_left_behind() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     {
         let node = open(&domain);
         let reader = FrameReader::open(&node, &ring()).unwrap();
@@ -364,12 +365,12 @@ fn nothing_but_the_transports_own_small_file_is_left_behind() {
         send_frame(&publisher, 0);
         assert_eq!(sequences(&reader), [0]);
     }
-    assert_eq!(domain.shared_memory_bytes(), 16);
+    assert_eq!(shared_memory_bytes(&domain), 16);
     {
         let _node = open(&domain);
         domain.remove_remains().unwrap();
-        assert_eq!(domain.shared_memory_bytes(), 16, "a program is still in the domain");
+        assert_eq!(shared_memory_bytes(&domain), 16, "a program is still in the domain");
     }
     domain.remove_remains().unwrap();
-    assert_eq!(domain.shared_memory_bytes(), 0);
+    assert_eq!(shared_memory_bytes(&domain), 0);
 }

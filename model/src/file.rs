@@ -14,12 +14,12 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
 use crate::array::Array;
-use crate::fit::Method;
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::mds::Embedding;
 use crate::mixture::{Mixture, MixtureError};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX};
+use crate::plan::Method;
 use crate::response::{Response, TABLE_LEN};
 
 /// Version of the format that this crate writes and reads.

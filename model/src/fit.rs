@@ -1,54 +1,20 @@
 //! Fits a model to the frames of a trip: response, neighbours, graph, geodesics, scaling, mixture, in this order.
 
-use serde::{Deserialize, Serialize};
-
 use crate::array::Array;
-use crate::em::{EmError, EmFit, EmPlan, fit_mixture};
-use crate::frames::{Frames, SensorLayout};
+use crate::em::{EmError, EmFit, fit_mixture};
+use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::graph::Graph;
 use crate::landmarks;
 use crate::mds::{Embedding, MdsError};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Provenance};
 use crate::neighbors::{Neighbor, nearest_of_each, squared_distance};
+use crate::plan::{FitPlan, Method};
 use crate::residual_variance::residual_variance;
-use crate::response::{Response, ResponseError, ResponsePlan};
+use crate::response::{Response, ResponseError};
 
 /// Dimensions that residual variance is computed for.
 const N_DIMS_REPORTED: usize = 30;
-
-/// How distances between frames become coordinates.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Method {
-    /// Geodesics in the neighbour graph (Tenenbaum, de Silva & Langford 2000; landmarks: de Silva & Tenenbaum 2004).
-    #[serde(alias = "isomap")]
-    Isomap,
-    /// Euclidean distances: principal component analysis, the paper's baseline.
-    #[serde(alias = "pca")]
-    Pca,
-}
-
-/// What to fit.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FitPlan {
-    /// The sensor that took the frames.
-    pub sensor: SensorLayout,
-    /// The scale on which frames are compared.
-    pub response: ResponsePlan,
-    /// Geodesic or Euclidean.
-    pub method: Method,
-    /// ns.
-    pub n_neighbors: usize,
-    /// n; all frames if there are no more.
-    pub n_landmarks: usize,
-    /// d.
-    pub n_dims: usize,
-    /// J, and how they are found.
-    pub em: EmPlan,
-    /// Seed of the landmarks.
-    pub seed: u64,
-}
 
 /// A part of the work, for whoever shows progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -45,13 +45,15 @@ pub mod mds;
 pub mod mixture;
 mod model;
 pub mod neighbors;
+pub mod plan;
 pub mod residual_variance;
 pub mod response;
 
 pub use classify::{Classification, Classifier, Status};
 pub use em::EmPlan;
 pub use file::ModelFileError;
-pub use fit::{FitError, FitPlan, Method, Step, fit, refit};
+pub use fit::{FitError, Step, fit, refit};
 pub use frames::{Frames, SensorLayout};
 pub use model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Provenance};
+pub use plan::{FitPlan, Method};
 pub use response::{Response, ResponsePlan, Scale};

@@ -5,11 +5,11 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::array::Array;
-use crate::fit::FitPlan;
 use crate::frames::{Frames, SensorLayout};
 use crate::geodesics::Geodesics;
 use crate::mds::Embedding;
 use crate::mixture::Mixture;
+use crate::plan::FitPlan;
 use crate::response::Response;
 
 /// Most kinds that a model may have: what a report in shared memory holds.

@@ -1,14 +1,14 @@
 //! What must hold of the service, with a stand-in for the model, each test in a domain of its own.
 
 use std::cell::RefCell;
-use std::ops::{Deref, Range};
+use std::ops::Range;
 use std::rc::Rc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
 use kinds_messages::{
-    Domain, FrameHeader, FramePublisher, FrameReader, KindReport, Node, ReportReader, ReportStatus,
+    FrameHeader, FramePublisher, FrameReader, KindReport, Node, OwnDomain, ReportReader, ReportStatus,
     SensorName, monotonic_ns,
 };
 use kinds_model::{Classification, ModelId, SensorLayout, Status};
@@ -82,33 +82,6 @@ fn shared_mapping(address: &Range<usize>) -> Option<String> {
     maps.lines().filter(|line| line.contains(" /dev/shm/")).find(covers).map(str::to_owned)
 }
 
-/// A domain that no other test knows.
-struct TestDomain {
-    domain: Domain,
-    _folder: tempfile::TempDir,
-}
-
-impl TestDomain {
-    fn new() -> Self {
-        let folder = tempfile::Builder::new().prefix("k").tempdir_in("/tmp").unwrap();
-        Self { domain: Domain::in_folder(folder.path()), _folder: folder }
-    }
-}
-
-impl Deref for TestDomain {
-    type Target = Domain;
-
-    fn deref(&self) -> &Domain {
-        &self.domain
-    }
-}
-
-impl Drop for TestDomain {
-    fn drop(&mut self) {
-        self.domain.remove_remains().unwrap();
-    }
-}
-
 fn ring() -> SensorName {
     "crunch/ring".parse().unwrap()
 }
@@ -142,7 +115,7 @@ fn serve_waiting(service: &mut Service<Spy>) -> Summary {
 
 #[test]
 fn frames_are_classified_where_they_lie_in_shared_memory() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = Node::open(&domain, "test").unwrap();
     let (spy, seen) = Spy::new();
     let mut service = Service::start(&node, &ring(), spy).unwrap();
@@ -177,7 +150,7 @@ fn place_in_file(mapping: &str, address: &Range<usize>) -> (String, Range<usize>
 
 #[test]
 fn every_frame_gets_one_report_that_says_all_the_classifier_said() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = Node::open(&domain, "test").unwrap();
     let mut service = Service::start(&node, &ring(), Spy::new().0).unwrap();
     let reports = ReportReader::open(&node, &ring()).unwrap();
@@ -207,7 +180,7 @@ fn every_frame_gets_one_report_that_says_all_the_classifier_said() {
 
 #[test]
 fn all_invalid_frame_is_reported_as_invalid() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = Node::open(&domain, "test").unwrap();
     let mut service = Service::start(&node, &ring(), Spy::new().0).unwrap();
     let reports = ReportReader::open(&node, &ring()).unwrap();
@@ -221,7 +194,7 @@ fn all_invalid_frame_is_reported_as_invalid() {
 
 #[test]
 fn gaps_are_counted_and_repeated_frames_are_not_classified_again() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = Node::open(&domain, "test").unwrap();
     let (spy, seen) = Spy::new();
     let mut service = Service::start(&node, &ring(), spy).unwrap();
@@ -240,7 +213,7 @@ fn gaps_are_counted_and_repeated_frames_are_not_classified_again() {
 
 #[test]
 fn service_that_joins_a_run_does_not_call_its_beginning_lost() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = Node::open(&domain, "test").unwrap();
     let shim = FramePublisher::create(&node, &ring(), N_READINGS).unwrap();
     send_all(&shim, &[(7, 0), (7, 1)]);
@@ -260,7 +233,7 @@ fn frames_of_another_sensor_are_never_classified_and_the_service_stays_up() {
         FrameHeader { metres_per_count: 0.002, ..right },
         FrameHeader { metres_per_count: f64::NAN, ..right },
     ];
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let node = Node::open(&domain, "test").unwrap();
     let (spy, seen) = Spy::new();
     let mut service = Service::start(&node, &ring(), spy).unwrap();
@@ -284,7 +257,7 @@ fn frames_of_another_sensor_are_never_classified_and_the_service_stays_up() {
 
 #[test]
 fn second_service_for_a_sensor_is_refused_and_the_first_goes_on() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let (node, other) = (Node::open(&domain, "test").unwrap(), Node::open(&domain, "test").unwrap());
     let mut service = Service::start(&node, &ring(), Spy::new().0).unwrap();
     let Err(error) = Service::start(&other, &ring(), Spy::new().0) else { panic!("two services") };
@@ -299,7 +272,7 @@ fn second_service_for_a_sensor_is_refused_and_the_first_goes_on() {
 
 #[test]
 fn service_is_woken_by_frames_outlives_its_shim_and_serves_what_waits_when_stopped() {
-    let domain = TestDomain::new();
+    let domain = OwnDomain::make().unwrap();
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
         let serving = scope.spawn(|| {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use kinds_messages::{Domain, KindReport, Node, SensorName};
+use kinds_messages::{Domain, KindReport, Node, OwnDomain, SensorName};
 use kinds_trainer::{Config, EvaluationPlan, Trained};
 use kinds_trips::Selection;
 use rustix::process::{Pid, Signal, kill_process};
@@ -75,9 +75,10 @@ fn learn(trip: &Path, model_path: &Path) -> Result<(), Failure> {
 /// Runs service and shim as processes in a domain of their own, and returns every report on the trip.
 fn serve_and_watch(model: &Path, trip: &Path, stop: &AtomicBool) -> Result<Vec<KindReport>, Failure> {
     // Declared first, so that it goes last.
-    let domain = OwnDomain::make()?;
+    let domain = OwnDomain::make()
+        .map_err(|error| Failure::CouldNot(format!("cannot make a temporary folder: {error}")))?;
     let sensor: SensorName = SENSOR.parse().expect("the name is as it should be");
-    let mut watched = watch::Reports::open(Node::open(&domain.domain, "kinds-demo")?, &sensor)?;
+    let mut watched = watch::Reports::open(Node::open(&domain, "kinds-demo")?, &sensor)?;
     let mut service = Process::start(&domain, "serve", &["--model".as_ref(), model.as_os_str()])?;
     service.await_line()?;
     let replay = ["--trip".as_ref(), trip.as_os_str(), "--speed".as_ref(), SPEED.as_ref()];
@@ -87,30 +88,6 @@ fn serve_and_watch(model: &Path, trip: &Path, stop: &AtomicBool) -> Result<Vec<K
     service.terminate();
     service.end_well()?;
     Ok(reports)
-}
-
-/// A domain that ends with the demo and leaves nothing in shared memory.
-struct OwnDomain {
-    root: tempfile::TempDir,
-    domain: Domain,
-}
-
-impl OwnDomain {
-    fn make() -> Result<Self, Failure> {
-        let root = tempfile::Builder::new().prefix("kinds").tempdir();
-        let root =
-            root.map_err(|error| Failure::CouldNot(format!("cannot make a temporary folder: {error}")))?;
-        let domain = Domain::in_folder(root.path());
-        Ok(Self { root, domain })
-    }
-}
-
-impl Drop for OwnDomain {
-    fn drop(&mut self) {
-        if let Err(error) = self.domain.remove_remains() {
-            eprintln!("kinds: cannot clean up shared memory: {error}");
-        }
-    }
 }
 
 /// Collects reports until the shim has ended and none is left. The shim ends only when its frames have been reported.
@@ -189,14 +166,14 @@ struct Process {
 }
 
 impl Process {
-    fn start(domain: &OwnDomain, name: &'static str, arguments: &[&OsStr]) -> Result<Self, Failure> {
+    fn start(domain: &Domain, name: &'static str, arguments: &[&OsStr]) -> Result<Self, Failure> {
         let failed = |error| Failure::CouldNot(format!("cannot start kinds {name}: {error}"));
         let program = std::env::current_exe().map_err(failed)?;
         let mut command = Command::new(program);
         command
             .arg(name)
             .arg("--domain")
-            .arg(domain.root.path())
+            .arg(&domain.root)
             .args(["--sensor", SENSOR])
             .args(arguments)
             .stdin(Stdio::null())
