@@ -67,6 +67,7 @@ pub(crate) struct DemoArguments {
 }
 
 #[derive(Args, Debug)]
+#[command(allow_negative_numbers = true)]
 pub(crate) struct TrainArguments {
     /// ROS 2 bags (MCAP) of one sensor
     #[arg(required = true, value_name = "TRIP")]
@@ -132,6 +133,7 @@ pub(crate) struct ReadingArguments {
 }
 
 #[derive(Args, Debug)]
+#[command(allow_negative_numbers = true)]
 pub(crate) struct EvaluateArguments {
     /// The model
     #[arg(value_name = "M.kinds")]
@@ -177,6 +179,9 @@ pub(crate) struct PublishArguments {
     /// Multiple of the recorded pace, or max: as fast as the service follows
     #[arg(long, default_value = "1", value_name = "X|max")]
     pub(crate) speed: Pace,
+    /// Lose nothing: wait for a service, and go no faster than it reports (as --speed max always does)
+    #[arg(long)]
+    pub(crate) follow: bool,
     #[command(flatten)]
     reading: ReadingArguments,
     #[command(flatten)]

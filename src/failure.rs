@@ -6,7 +6,8 @@ use std::process::ExitCode;
 
 use kinds_driver_shim::ShimError;
 use kinds_messages::ChannelError;
-use kinds_trainer::{ConfigError, EvaluateError, LoadError, TrainError};
+use kinds_model::FitError;
+use kinds_trainer::{EvaluateError, LoadError, TrainError};
 use kinds_trips::TripError;
 
 use crate::model_file::ModelFailure;
@@ -36,7 +37,13 @@ impl Failure {
 
     /// A file that could not be used.
     pub(crate) fn file(attempt: &str, path: &Path, error: &io::Error) -> Self {
-        Self::CouldNot(format!("cannot {attempt} {}: {error}", path.display()))
+        match error.kind() {
+            io::ErrorKind::NotFound => Self::CouldNot(format!(
+                "cannot {attempt} {}: there is no such file or folder",
+                path.display()
+            )),
+            _ => Self::CouldNot(format!("cannot {attempt} {}: {error}", path.display())),
+        }
     }
 }
 
@@ -60,15 +67,34 @@ macro_rules! could_not {
     )*};
 }
 
-could_not!(ChannelError, LoadError, ModelFailure, ShimError, TripError);
+could_not!(ChannelError, ModelFailure, ShimError);
+
+impl From<TripError> for Failure {
+    fn from(error: TripError) -> Self {
+        match error {
+            TripError::Unit { .. } => Self::AskedWrongly(error.to_string()),
+            _ => Self::CouldNot(error.to_string()),
+        }
+    }
+}
+
+impl From<LoadError> for Failure {
+    fn from(error: LoadError) -> Self {
+        match error {
+            LoadError::Trip(error) => error.into(),
+            LoadError::AllInvalid { .. } => Self::CouldNot(error.to_string()),
+        }
+    }
+}
 
 impl From<TrainError> for Failure {
     fn from(error: TrainError) -> Self {
         match error {
-            TrainError::Config(ConfigError::Ron { .. } | ConfigError::Limit { .. }) => {
+            TrainError::Load(error) => error.into(),
+            TrainError::Config(_) | TrainError::Fit(FitError::Response(_)) => {
                 Self::AskedWrongly(error.to_string())
             }
-            _ => Self::CouldNot(error.to_string()),
+            TrainError::OtherSensor { .. } | TrainError::Fit(_) => Self::CouldNot(error.to_string()),
         }
     }
 }

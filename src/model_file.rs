@@ -12,6 +12,10 @@ use memmap2::Mmap;
 /// Why a model file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum ModelFailure {
+    #[error("no model at {}: there is no such file", path.display())]
+    Missing { path: PathBuf },
+    #[error("cannot write model {}: there is no folder {}; make it first", path.display(), folder.display())]
+    NoFolder { path: PathBuf, folder: PathBuf },
     #[error("cannot {attempt} model {}: {error}", path.display())]
     Io { attempt: &'static str, path: PathBuf, error: io::Error },
     #[error("cannot open model {}: {error}", path.display())]
@@ -20,7 +24,10 @@ pub(crate) enum ModelFailure {
 
 /// Opens a model. Its large arrays stay in the file's pages, which all programs that use it share.
 pub(crate) fn open(path: &Path) -> Result<Model, ModelFailure> {
-    let failed = |error| ModelFailure::Io { attempt: "open", path: path.to_path_buf(), error };
+    let failed = |error: io::Error| match error.kind() {
+        io::ErrorKind::NotFound => ModelFailure::Missing { path: path.to_path_buf() },
+        _ => ModelFailure::Io { attempt: "open", path: path.to_path_buf(), error },
+    };
     let file = File::open(path).map_err(failed)?;
     if !file.metadata().map_err(failed)?.is_file() {
         return Err(failed(io::Error::new(io::ErrorKind::InvalidInput, "it is not a file")));
@@ -44,7 +51,12 @@ pub(crate) fn check_writable(path: &Path) -> Result<(), ModelFailure> {
     if path.is_dir() {
         return Err(unwritable(path, io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")));
     }
-    temporary_beside(path).map(drop).map_err(|error| unwritable(path, error))
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        return Err(ModelFailure::NoFolder { path: path.to_path_buf(), folder: folder.to_path_buf() });
+    }
+    // The kind alone: the error names the temporary file.
+    temporary_beside(path).map(drop).map_err(|error| unwritable(path, error.kind().into()))
 }
 
 /// Writes a model under a temporary name and renames it when it is whole and on disk. Returns its length in bytes.

@@ -1,7 +1,7 @@
 //! SIGTERM and SIGINT as a flag.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use signal_hook::consts::{SIGINT, SIGTERM};
 
@@ -17,4 +17,9 @@ pub(crate) fn on_signals() -> Result<Arc<AtomicBool>, Failure> {
             .map_err(|error| Failure::CouldNot(format!("cannot handle signals: {error}")))?;
     }
     Ok(stop)
+}
+
+/// From now on the first signal ends the program at once: nothing is left to be tidied.
+pub(crate) fn from_now_on_at_once(stop: &AtomicBool) {
+    stop.store(true, Ordering::Relaxed);
 }

@@ -7,7 +7,7 @@ use crate::geodesics::Geodesics;
 use crate::graph::Graph;
 use crate::landmarks;
 use crate::mds::{Embedding, MdsError};
-use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Provenance};
+use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
 use crate::neighbors::{Neighbor, nearest_of_each, squared_distance};
 use crate::plan::{FitPlan, Method};
 use crate::residual_variance::residual_variance;
@@ -75,7 +75,7 @@ pub enum FitError {
 /// Fits a model to raw frames.
 ///
 /// * `counts` — raw counts, shape `(n_frames, n_readings)`; frames without a valid reading should not be among them
-/// * `trips` — names of the trips, for the record
+/// * `origin` — where the frames came from, for the record
 ///
 /// Deterministic for a plan on one machine. Holds the frames, the geodesics (n_frames × n_landmarks) and a few
 /// n_landmarks² matrices.
@@ -85,13 +85,13 @@ pub enum FitError {
 pub fn fit(
     mut counts: Vec<u16>,
     plan: &FitPlan,
-    trips: Vec<String>,
+    origin: Origin,
     progress: &mut Progress,
 ) -> Result<Model, FitError> {
     let response = Response::new(&plan.response, plan.sensor.metres_per_count)?;
     response.map_in_place(&mut counts);
     let frames = Frames::new(plan.sensor.n_readings(), counts);
-    fit_frames(frames, response, plan, trips, progress)
+    fit_frames(frames, response, plan, origin, progress)
 }
 
 /// Fits another model to the reference frames of one, with the same response.
@@ -99,17 +99,17 @@ pub fn fit(
 /// # Errors
 /// As [`fit`].
 pub fn refit(model: &Model, plan: &FitPlan, progress: &mut Progress) -> Result<Model, FitError> {
-    let trips = model.manifest().provenance.trips.clone();
+    let origin = model.manifest().provenance.origin.clone();
     let plan =
         FitPlan { response: model.manifest().plan.response.clone(), sensor: model.layout(), ..plan.clone() };
-    fit_frames(model.frames().clone(), model.response().clone(), &plan, trips, progress)
+    fit_frames(model.frames().clone(), model.response().clone(), &plan, origin, progress)
 }
 
 fn fit_frames(
     frames: Frames,
     response: Response,
     plan: &FitPlan,
-    trips: Vec<String>,
+    origin: Origin,
     progress: &mut Progress,
 ) -> Result<Model, FitError> {
     let n_frames = frames.n_frames();
@@ -119,7 +119,7 @@ fn fit_frames(
     let landmarks = landmarks::choose(n_frames, plan.n_landmarks, plan.seed);
     let mut provenance = Provenance {
         made_by: format!("natural-kinds {}", env!("CARGO_PKG_VERSION")),
-        trips,
+        origin,
         ..Default::default()
     };
 

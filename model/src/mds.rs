@@ -36,10 +36,18 @@ pub struct Spectrum {
 /// Why landmarks cannot be scaled.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MdsError {
+    /// Points span at most one dimension less than there are.
+    #[error("{n_landmarks} landmarks span at most {} dimensions and {n_dims} were asked for; ask for more landmarks or fewer dimensions", n_landmarks - 1)]
+    TooFewLandmarks {
+        /// Landmarks.
+        n_landmarks: usize,
+        /// Dimensions asked for.
+        n_dims: usize,
+    },
     /// Fewer positive eigenvalues than dimensions.
     #[error(
-        "the landmarks span {n_positive} dimensions and {n_dims} were asked for: {n_landmarks} landmarks, all frames \
-         {how_alike}; ask for fewer dimensions or record a trip that sees more"
+        "the {n_landmarks} landmarks span {n_positive} dimensions and {n_dims} were asked for: their frames are too much \
+         alike; ask for fewer dimensions or record a trip that sees more"
     )]
     TooFewDimensions {
         /// Positive eigenvalues.
@@ -48,8 +56,6 @@ pub enum MdsError {
         n_dims: usize,
         /// Landmarks.
         n_landmarks: usize,
-        /// "equal" or "too much alike".
-        how_alike: &'static str,
     },
     /// The eigenvalue algorithm did not converge.
     #[error(
@@ -94,6 +100,9 @@ impl Embedding {
             n_landmarks * n_landmarks,
             "one distance for each pair of landmarks"
         );
+        if n_landmarks <= at_least {
+            return Err(MdsError::TooFewLandmarks { n_landmarks, n_dims: at_least });
+        }
         let mean_squared: Vec<f64> = squared_geodesics.chunks_exact(n_landmarks).map(mean).collect();
         let grand_mean = mean(&mean_squared);
         let centred = Mat::from_fn(n_landmarks, n_landmarks, |i, j| {
@@ -110,8 +119,7 @@ impl Embedding {
         let limit = EIGENVALUE_SHARE_MIN * eigenvalues[0].max(0.0);
         let n_positive = eigenvalues.iter().take_while(|value| **value > limit).count();
         if n_positive < at_least {
-            let how_alike = if n_positive == 0 { "equal" } else { "too much alike" };
-            return Err(MdsError::TooFewDimensions { n_positive, n_dims: at_least, n_landmarks, how_alike });
+            return Err(MdsError::TooFewDimensions { n_positive, n_dims: at_least, n_landmarks });
         }
         let n_dims = n_dims_max.min(n_positive);
         let mut projection = vec![0.0; n_landmarks * n_dims];
@@ -222,8 +230,8 @@ mod tests {
         let message = Embedding::fit(&delta, 5, 3, 3).unwrap_err().to_string();
         assert_eq!(
             message,
-            "the landmarks span 2 dimensions and 3 were asked for: 5 landmarks, all frames too much alike; ask for \
-             fewer dimensions or record a trip that sees more"
+            "the 5 landmarks span 2 dimensions and 3 were asked for: their frames are too much alike; ask for fewer \
+             dimensions or record a trip that sees more"
         );
     }
 
@@ -235,16 +243,24 @@ mod tests {
         for (landmark, row) in delta.chunks_exact(5).enumerate() {
             let mut place = [0.0; 2];
             embedding.embed(row, &mut place);
-            for dim in 0..2 {
+            for (dim, found) in place.iter().enumerate() {
                 let expected = 2.0 * spectrum.eigenvalues[dim] * embedding.projection()[landmark * 2 + dim];
-                assert!((place[dim] - expected).abs() < 1e-12);
+                assert!((found - expected).abs() < 1e-12);
             }
         }
     }
 
     #[test]
-    fn equal_frames_are_refused_in_words() {
-        let message = Embedding::fit(&[0.0; 9], 3, 1, 1).unwrap_err().to_string();
-        assert!(message.contains("span 0 dimensions") && message.contains("all frames equal"), "{message}");
+    fn equal_frames_and_too_few_landmarks_are_refused_in_words() {
+        let refuse = |n_dims| Embedding::fit(&[0.0; 9], 3, n_dims, n_dims).unwrap_err().to_string();
+        assert!(
+            refuse(1).starts_with("the 3 landmarks span 0 dimensions and 1 were asked for"),
+            "{}",
+            refuse(1)
+        );
+        assert_eq!(
+            refuse(3),
+            "3 landmarks span at most 2 dimensions and 3 were asked for; ask for more landmarks or fewer dimensions"
+        );
     }
 }

@@ -38,10 +38,8 @@ pub struct Manifest {
 pub struct Provenance {
     /// Program and version.
     pub made_by: String,
-    /// Files of the trips.
-    pub trips: Vec<String>,
-    /// Frames of the trips that were left out because no reading was valid.
-    pub n_frames_invalid: usize,
+    /// The frames.
+    pub origin: Origin,
     /// Frames on each island of the neighbour graph before they were joined, largest first.
     pub islands: Vec<usize>,
     /// The bridges that joined them: frame, frame, length in counts on the response's scale.
@@ -62,6 +60,16 @@ pub struct Provenance {
     pub converged: bool,
     /// Starts given up because a kind lost its frames.
     pub n_starts_collapsed: usize,
+}
+
+/// Where the reference frames came from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Origin {
+    /// Names of the trips' files, without their folders: the same trip makes the same model wherever it lies.
+    pub trips: Vec<String>,
+    /// Frames of the trips that were left out because no reading was valid.
+    pub n_frames_invalid: usize,
 }
 
 /// Which model: the first 16 bytes of its contents' SHA-256.

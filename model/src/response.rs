@@ -55,7 +55,7 @@ pub enum ResponseError {
         /// What was given, metres.
         value: f64,
         /// What is allowed, in words.
-        limit: &'static str,
+        limit: String,
     },
 }
 
@@ -74,7 +74,7 @@ impl ResponsePlan {
     fn check(&self) -> Result<(), ResponseError> {
         let positive = |what, value: f64| match value.is_finite() && value > 0.0 {
             true => Ok(()),
-            false => Err(ResponseError::Length { what, value, limit: "positive" }),
+            false => Err(ResponseError::Length { what, value, limit: "positive".to_string() }),
         };
         positive("the largest useful range", self.range_m_max)?;
         positive("the offset of the scale", self.offset_m)?;
@@ -83,7 +83,7 @@ impl ResponsePlan {
             false => Err(ResponseError::Length {
                 what: "the range that invalid readings are taken for",
                 value: self.invalid_range_m,
-                limit: "between 0 and the largest useful range",
+                limit: format!("between 0 and the largest useful range, {} m", self.range_m_max),
             }),
         }
     }
@@ -209,7 +209,7 @@ mod tests {
         let message = Response::new(&plan, MM).unwrap_err().to_string();
         assert_eq!(
             message,
-            "response: the range that invalid readings are taken for is 5 m; it must be between 0 and the largest useful range"
+            "response: the range that invalid readings are taken for is 5 m; it must be between 0 and the largest useful range, 4 m"
         );
     }
 

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use kinds_model::{
-    Classifier, EmPlan, FitError, FitPlan, Frames, Method, Model, ModelFileError, ResponsePlan, Scale,
-    SensorLayout, Status, file, fit, neighbors, refit,
+    Classifier, EmPlan, FitError, FitPlan, Frames, Method, Model, ModelFileError, Origin, ResponsePlan,
+    Scale, SensorLayout, Status, file, fit, neighbors, refit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -45,7 +45,7 @@ fn plan(method: Method) -> FitPlan {
 }
 
 fn model(method: Method) -> Model {
-    fit(trip(150, 3), &plan(method), vec!["made-up".to_string()], &mut |_, _, _| ()).unwrap()
+    fit(trip(150, 3), &plan(method), Origin::default(), &mut |_, _, _| ()).unwrap()
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn a_reference_frame_embeds_out_of_sample_to_its_in_sample_coordinates_bit_for_b
 fn euclidean_distances_between_all_frames_are_kept_by_all_components() {
     // A second method: as many components as readings keep every distance on the response's scale.
     let all = FitPlan { n_landmarks: usize::MAX, n_dims: N_READINGS, ..plan(Method::Pca) };
-    let model = fit(trip(60, 5), &all, Vec::new(), &mut |_, _, _| ()).unwrap();
+    let model = fit(trip(60, 5), &all, Origin::default(), &mut |_, _, _| ()).unwrap();
     let place = |index: usize| &model.coordinates()[index * N_READINGS..][..N_READINGS];
     for a in 0..60 {
         for b in 0..60 {
@@ -134,8 +134,9 @@ proptest! {
 
 #[test]
 fn what_cannot_be_fitted_is_refused_in_words() {
-    let refuse =
-        |counts: Vec<u16>, plan: FitPlan| fit(counts, &plan, Vec::new(), &mut |_, _, _| ()).unwrap_err();
+    let refuse = |counts: Vec<u16>, plan: FitPlan| {
+        fit(counts, &plan, Origin::default(), &mut |_, _, _| ()).unwrap_err()
+    };
     let isomap = plan(Method::Isomap);
     assert_eq!(
         refuse(trip(3, 0), isomap.clone()).to_string(),
@@ -200,7 +201,7 @@ fn a_model_with_a_flipped_bit_is_refused_or_still_the_same_model() {
         match file::from_bytes(&Bytes::from(bytes)) {
             Err(error) => assert!(!error.to_string().is_empty()),
             Ok(read) => {
-                assert_eq!(read.id(), model.id(), "byte {place} changed the model and its name did not")
+                assert_eq!(read.id(), model.id(), "byte {place} changed the model and its name did not");
             }
         }
     }

@@ -12,7 +12,7 @@ use kinds_model::mds::Embedding;
 use kinds_model::mixture::{Mixture, most_probable};
 use kinds_model::neighbors::nearest_of_each;
 use kinds_model::residual_variance::residual_variance;
-use kinds_model::{EmPlan, FitPlan, Frames, Method, ResponsePlan, Scale, SensorLayout, fit};
+use kinds_model::{EmPlan, FitPlan, Frames, Method, Origin, ResponsePlan, Scale, SensorLayout, fit};
 use safetensors::SafeTensors;
 
 /// A file of golden arrays.
@@ -281,7 +281,8 @@ fn neighbours_of_digits_are_those_of_a_stable_sort_on_whole_numbers() {
 #[test]
 fn isomap_of_digits_has_scikit_learns_eigenvalues_residual_variance_and_coordinates() {
     let golden = Golden::open("digits");
-    let model = fit(digits(&golden), &digits_plan(Method::Isomap), Vec::new(), &mut |_, _, _| ()).unwrap();
+    let model =
+        fit(digits(&golden), &digits_plan(Method::Isomap), Origin::default(), &mut |_, _, _| ()).unwrap();
     let provenance = &model.manifest().provenance;
     assert_eq!(provenance.islands, [1797]);
     check_relative("eigenvalues", &provenance.eigenvalues[..5], &golden.f64s("eigenvalues"), 1e-5);
@@ -297,7 +298,8 @@ fn isomap_of_digits_has_scikit_learns_eigenvalues_residual_variance_and_coordina
 #[test]
 fn euclidean_distances_give_the_principal_components() {
     let golden = Golden::open("digits");
-    let model = fit(digits(&golden), &digits_plan(Method::Pca), Vec::new(), &mut |_, _, _| ()).unwrap();
+    let model =
+        fit(digits(&golden), &digits_plan(Method::Pca), Origin::default(), &mut |_, _, _| ()).unwrap();
     let expected: Vec<f64> =
         golden.f64s("pca/explained_variances").iter().map(|variance| 1796.0 * variance).collect();
     check_relative("eigenvalues", &model.manifest().provenance.eigenvalues[..8], &expected, 1e-8);

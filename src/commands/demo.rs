@@ -2,6 +2,7 @@
 
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, IsTerminal, Write};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,7 +27,6 @@ const SPEED: &str = "20";
 const SENSOR: &str = "demo/sensor";
 
 pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
-    let stop = stop::on_signals()?;
     let folder = &arguments.output;
     std::fs::create_dir_all(folder).map_err(|error| Failure::file("make folder", folder, &error))?;
     let [trip1, trip2] = match &arguments.trips[..] {
@@ -42,7 +42,9 @@ pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
         "2. serve, publish, watch: {} at {SPEED} times the recorded pace, as three processes",
         trip2.display()
     );
+    let stop = stop::on_signals()?;
     let reports = serve_and_watch(&model_path, &trip2, &stop)?;
+    stop::from_now_on_at_once(&stop);
     println!("   {}", statistics(&reports));
     write_file(folder, "kinds.csv", &csv(&reports))?;
 
@@ -81,7 +83,8 @@ fn serve_and_watch(model: &Path, trip: &Path, stop: &AtomicBool) -> Result<Vec<K
     let mut watched = watch::Reports::open(Node::open(&domain, "kinds-demo")?, &sensor)?;
     let mut service = Process::start(&domain, "serve", &["--model".as_ref(), model.as_os_str()])?;
     service.await_line()?;
-    let replay = ["--trip".as_ref(), trip.as_os_str(), "--speed".as_ref(), SPEED.as_ref()];
+    let replay =
+        ["--trip".as_ref(), trip.as_os_str(), "--speed".as_ref(), SPEED.as_ref(), "--follow".as_ref()];
     let mut shim = Process::start(&domain, "publish", &replay)?;
     let reports = watch_until_end(&mut watched, &mut shim, stop)?;
     shim.end_well()?;
@@ -106,11 +109,15 @@ fn watch_until_end(
         if let Some(last) = reports.last().filter(|_| is_terminal) {
             show_live(last)?;
         }
+        // Asked first: Ctrl-C in a terminal goes to all three processes, and the shim's early end is a good one to it.
+        if stop.load(Ordering::Relaxed) {
+            return Err(Failure::CouldNot(
+                "stopped before the trip was over; the model is learnt, its results are not there"
+                    .to_string(),
+            ));
+        }
         if has_ended {
             break;
-        }
-        if stop.load(Ordering::Relaxed) {
-            return Err(Failure::CouldNot("stopped".to_string()));
         }
         watched.wait()?;
     }
@@ -127,17 +134,17 @@ fn show_live(report: &KindReport) -> Result<(), Failure> {
 }
 
 fn statistics(reports: &[KindReport]) -> String {
+    let Some(last) = reports.last() else { return "no report came".to_string() };
     let mut latencies: Vec<u64> = reports.iter().map(watch::latency_ns).collect();
     latencies.sort_unstable();
+    let n_reports = reports.len();
     let n_switches = reports.windows(2).filter(|pair| pair[0].kind != pair[1].kind).count();
-    match latencies.len() {
-        0 => "no report came".to_string(),
-        n => format!(
-            "{n} frames, {n} reports; the kind changed {n_switches} times; frame to report: median {:.0} µs, 99 % within {:.0} µs",
-            latencies[n / 2] as f64 / 1e3,
-            latencies[(n * 99 / 100).min(n - 1)] as f64 / 1e3
-        ),
-    }
+    format!(
+        "{} frames, {n_reports} reports; the kind changed {n_switches} times; frame to report: median {:.0} µs, 99 % within {:.0} µs",
+        last.sequence + 1,
+        latencies[n_reports / 2] as f64 / 1e3,
+        latencies[n_reports * 99 / 100] as f64 / 1e3
+    )
 }
 
 fn csv(reports: &[KindReport]) -> Vec<u8> {
@@ -178,6 +185,9 @@ impl Process {
             .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped());
+        // A group of its own: Ctrl-C in a terminal reaches us alone, and we end it, once. A second signal would end it at once
+        // and leave what it has in shared memory.
+        command.process_group(0);
         // What they have to say is said here.
         command.env("KINDS_LOG", "warn");
         let child = command.spawn().map_err(failed)?;

@@ -38,7 +38,7 @@ fn describe(model: &Model) -> String {
     let mut lines = vec![
         ("model", model.id().to_string()),
         ("made by", format!("{}, seed {}", provenance.made_by, plan.seed)),
-        ("learnt from", provenance.trips.join(", ")),
+        ("learnt from", provenance.origin.trips.join(", ")),
         ("sensor", plan.sensor.to_string()),
         (
             "compared as",
@@ -54,7 +54,7 @@ fn describe(model: &Model) -> String {
             "frames",
             format!(
                 "{n_frames} reference frames; {} without any valid reading left out",
-                provenance.n_frames_invalid
+                provenance.origin.n_frames_invalid
             ),
         ),
         (

@@ -1,6 +1,6 @@
 //! `kinds publish`: the driver shim of one sensor.
 
-use kinds_driver_shim::{Replay, Shim};
+use kinds_driver_shim::{Flow, Replay, Shim};
 use kinds_messages::Node;
 use kinds_trips::TripReader;
 
@@ -13,7 +13,8 @@ pub(crate) fn run(arguments: &PublishArguments) -> Result<(), Failure> {
     let trip = TripReader::open(&arguments.trip, &arguments.selection())?;
     let node = Node::open(&arguments.domain.domain(), "kinds-publish")?;
     let (sensor, pace) = (&arguments.sensor, arguments.speed);
-    let mut shim = Shim::new(&node, sensor, Replay::new(trip, pace), pace.flow())?;
+    let flow = if arguments.follow { Flow::Followed } else { pace.flow() };
+    let mut shim = Shim::new(&node, sensor, Replay::new(trip, pace), flow)?;
     let summary = shim.run(&stop, &mut |notice| eprintln!("kinds: {notice}"))?;
     if let Some(truncation) = shim.device().trip().truncation() {
         eprintln!("kinds: trip {} {truncation}", arguments.trip.display());

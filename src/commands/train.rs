@@ -42,7 +42,7 @@ fn read_config(path: &Path) -> Result<Config, Failure> {
     let text =
         std::fs::read_to_string(path).map_err(|error| Failure::file("read configuration", path, &error))?;
     Config::from_ron(&text)
-        .map_err(|error| Failure::AskedWrongly(format!("configuration {}, {error}", path.display())))
+        .map_err(|error| Failure::AskedWrongly(format!("configuration {}: {error}", path.display())))
 }
 
 /// What was learnt, in a line.

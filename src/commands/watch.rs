@@ -161,7 +161,9 @@ mod tests {
     use super::*;
 
     fn report(run: u64, sequence: u64, n_lost: u64) -> KindReport {
-        KindReport { run, sequence, n_lost, ..KindReport::default() }
+        let mut report = KindReport::default();
+        (report.run, report.sequence, report.n_lost) = (run, sequence, n_lost);
+        report
     }
 
     #[test]

@@ -192,7 +192,7 @@ pub fn evaluate(
 fn check(plan: &EvaluationPlan) -> Result<(), EvaluateError> {
     let EvaluationPlan { radius_m, share, .. } = *plan;
     if !(radius_m.is_finite() && radius_m > 0.0) {
-        return Err(EvaluateError::Limit { field: "radius", value: radius_m, limit: "above 0 m" });
+        return Err(EvaluateError::Limit { field: "radius_m", value: radius_m, limit: "above 0 m" });
     }
     if !(0.0..1.0).contains(&share) {
         return Err(EvaluateError::Limit { field: "share", value: share, limit: "at least 0 and below 1" });

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use kinds_model::{FitError, Model, SensorLayout, fit};
+use kinds_model::{FitError, Model, Origin, SensorLayout, fit};
 
 use crate::config::{Config, ConfigError};
 use crate::load::{LoadError, load};
@@ -39,13 +39,8 @@ pub enum TrainError {
     #[error(transparent)]
     Config(#[from] ConfigError),
     /// The mathematics.
-    #[error("cannot train on {n_frames} frames: {error}")]
-    Fit {
-        /// Frames of all trips.
-        n_frames: usize,
-        /// Why.
-        error: FitError,
-    },
+    #[error("cannot train: {0}")]
+    Fit(FitError),
 }
 
 /// Trains a model on the frames of one or more trips of one sensor.
@@ -69,14 +64,14 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
         if counts.is_empty() { counts = trip.counts } else { counts.append(&mut trip.counts) }
     }
     let sensor = sensor.expect("at least one trip is asked for on every way in");
-    let n_frames = counts.len() / sensor.n_readings();
     if n_frames_invalid > 0 {
         remarks.push(format!("{n_frames_invalid} frames without any valid reading were left out"));
     }
     let plan = config.plan(sensor, &counts)?;
-    let names = trips.iter().map(|path| path.display().to_string()).collect();
-    let model = fit(counts, &plan, names, &mut fitting(progress))
-        .map_err(|error| TrainError::Fit { n_frames, error })?;
+    let names =
+        trips.iter().filter_map(|path| path.file_name()).map(|name| name.to_string_lossy().into_owned());
+    let origin = Origin { trips: names.collect(), n_frames_invalid };
+    let model = fit(counts, &plan, origin, &mut fitting(progress)).map_err(TrainError::Fit)?;
     remarks.extend(remark_on_islands(&model));
     Ok(Trained { model, remarks })
 }

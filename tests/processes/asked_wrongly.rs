@@ -1,0 +1,135 @@
+//! Flags and configuration that cannot be: exit code 2, a sentence with value and limit, and nothing touched.
+
+use crate::robot::{FIRST, MODEL, Robot, SECOND, SENSOR};
+
+#[test]
+fn training_numbers_beyond_their_limits_are_refused_with_value_and_limit() {
+    let robot = Robot::trained();
+    let limit = |field: &str| match field {
+        "kinds" => "between 1 and 64",
+        "dims" => "between 1 and 32",
+        "neighbors" | "landmarks" | "starts" => "at least 1",
+        "invalid-range-m" => "at least 0 m",
+        "covariance-floor" => "above 0 and below 1",
+        _ => "above 0 m",
+    };
+    for (flag, values) in [
+        ("kinds", &["0", "65"][..]),
+        ("dims", &["0", "33"]),
+        ("neighbors", &["0"]),
+        ("landmarks", &["0"]),
+        ("starts", &["0"]),
+        ("range-m-max", &["0", "NaN", "inf"]),
+        ("invalid-range-m", &["NaN", "inf"]),
+        ("offset-m", &["0", "NaN"]),
+        ("metres-per-count", &["0", "NaN", "inf"]),
+        ("covariance-floor", &["0", "1", "NaN"]),
+    ] {
+        for value in values {
+            let field = flag.replace('-', "_");
+            let sentence = format!("{field} is {value}; it must be {}", limit(flag));
+            let named = format!("--{flag}");
+            robot.refuse(&["train", FIRST, "--output", MODEL, &named, value], 2, &sentence);
+            if !["NaN", "inf"].contains(value) {
+                robot.write("limit.ron", format!("({field}: {value})"));
+                let config = ["train", FIRST, "--output", MODEL, "--config", "limit.ron"];
+                robot.refuse_with(&config, 2, &[&sentence]);
+            }
+        }
+    }
+}
+
+#[test]
+fn evaluation_numbers_beyond_their_limits_are_refused_with_value_and_limit() {
+    let robot = Robot::trained();
+    for (flag, value, parts) in [
+        ("--radius-m", "0", ["radius", " is 0; it must be above 0 m"]),
+        ("--radius-m", "NaN", ["radius", " is NaN; it must be above 0 m"]),
+        ("--share", "1", ["share", " is 1; it must be at least 0 and below 1"]),
+        ("--share", "1.5", ["share", " is 1.5; it must be at least 0 and below 1"]),
+    ] {
+        robot.refuse_with(&["evaluate", MODEL, FIRST, SECOND, flag, value], 2, &parts);
+    }
+}
+
+#[test]
+fn configuration_that_cannot_be_read_is_refused_with_file_line_and_column() {
+    let robot = Robot::trained();
+    let train = ["train", FIRST, "--output", MODEL, "--config", "bad.ron"];
+    for (text, place, word) in [
+        ("(\n  kids: 5,\n)", "line 2, column 3", "kids"),
+        ("(\n  kinds: \"5\",\n)", "line 2, column 9", "integer"),
+        ("(\n  kinds: 5,\n  kinds: 6,\n)", "line 3, column 3", "duplicate"),
+        ("(seed: -1)", "line 1, column 9", "out of bounds"),
+        ("(response: logarithm)", "line 1, column 12", "logarithm"),
+        ("(response: log, kinds: 5", "line 1, column 24", ""),
+        ("", "line 1, column 1", "("),
+    ] {
+        robot.write("bad.ron", text);
+        robot.refuse_with(&train, 2, &[&format!("configuration bad.ron: {place}: "), word]);
+    }
+}
+
+#[test]
+fn configuration_that_is_not_there_is_a_sentence() {
+    let robot = Robot::trained();
+    let train = ["train", FIRST, "--output", MODEL, "--config", "nowhere.ron"];
+    robot.refuse_with(&train, 1, &["cannot read configuration nowhere.ron: "]);
+}
+
+#[test]
+fn a_pace_that_is_none_is_refused_with_what_would_be_one() {
+    let robot = Robot::trained();
+    for speed in ["0", "nan", "inf", "fast"] {
+        robot.refuse(
+            &["publish", "--trip", SECOND, "--sensor", SENSOR, "--speed", speed],
+            2,
+            &format!(
+                "error: invalid value '{speed}' for '--speed <X|max>': speed \"{speed}\" is neither a number above 0, \
+                 such as 1 for as recorded or 10 for ten times as fast, nor \"max\""
+            ),
+        );
+    }
+}
+
+#[test]
+fn a_sensor_name_that_is_none_is_refused_with_what_would_be_one() {
+    let robot = Robot::trained();
+    for verb in [&["publish", "--trip", SECOND][..], &["serve", "--model", MODEL], &["watch"]] {
+        robot.refuse(
+            &[verb, &["--sensor", "my ring"]].concat(),
+            2,
+            "error: invalid value 'my ring' for '--sensor <NAME>': sensor name \"my ring\" has the character ' '; only \
+             letters A-Z and a-z, digits, '_', '.' and '-' may be used, and '/' between parts",
+        );
+    }
+}
+
+#[test]
+fn a_unit_that_is_none_is_refused() {
+    let robot = Robot::trained();
+    robot.refuse_with(
+        &["publish", "--trip", SECOND, "--sensor", SENSOR, "--metres-per-count", "0"],
+        2,
+        &["a unit of 0 metres per count was asked for; it must be a finite number above 0"],
+    );
+}
+
+#[test]
+fn a_domain_that_is_not_absolute_is_a_sentence() {
+    let robot = Robot::trained();
+    for verb in [&["publish", "--trip", SECOND][..], &["serve", "--model", MODEL], &["watch"]] {
+        robot.refuse(
+            &[verb, &["--sensor", SENSOR, "--domain", "here"]].concat(),
+            1,
+            "channels cannot live under here: programs started in other folders would not find them; give the root as \
+             an absolute path",
+        );
+    }
+}
+
+#[test]
+fn a_verb_that_there_is_not_is_refused() {
+    let robot = Robot::new();
+    robot.refuse(&["learn"], 2, "error: unrecognized subcommand 'learn'");
+}

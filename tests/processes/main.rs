@@ -1,0 +1,20 @@
+//! Several processes of the built program, as on the robot: every test starts `kinds` and meets it in shared memory.
+//!
+//! Each test has a robot of its own: a folder to work in and a domain that no other test knows. Nothing here asserts
+//! how fast something is, and every wait ends at a deadline.
+
+mod asked_wrongly;
+mod bad_trips;
+mod consumer;
+mod demo;
+mod evaluate;
+mod models;
+mod publish;
+mod real_trips;
+mod robot;
+mod running;
+mod serve;
+mod train;
+mod watch;
+mod way;
+mod world;
