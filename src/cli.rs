@@ -54,6 +54,8 @@ pub(crate) enum Verb {
     Serve(ServeArguments),
     /// Print the kinds of a sensor as they come
     Watch(WatchArguments),
+    /// Push a trip through shim, shared memory and service in lockstep, and say whether anything has changed
+    Replay(ReplayArguments),
 }
 
 #[derive(Args, Debug)]
@@ -215,6 +217,23 @@ pub(crate) struct WatchArguments {
     pub(crate) domain: DomainArguments,
 }
 
+#[derive(Args, Debug)]
+pub(crate) struct ReplayArguments {
+    /// Recorded trip
+    pub(crate) trip: PathBuf,
+    /// The model
+    #[arg(long, value_name = "M.kinds")]
+    pub(crate) model: PathBuf,
+    /// Write what comes out to this file
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "expect")]
+    pub(crate) bless: Option<PathBuf>,
+    /// Compare what comes out with this file, written before with --bless; exit code 1 where they differ
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) expect: Option<PathBuf>,
+    #[command(flatten)]
+    reading: ReadingArguments,
+}
+
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ScaleName {
     /// The range itself
@@ -276,6 +295,12 @@ impl ReadingArguments {
 }
 
 impl EvaluateArguments {
+    pub(crate) fn selection(&self, metres_per_count: f64) -> Selection {
+        self.reading.selection(Some(metres_per_count))
+    }
+}
+
+impl ReplayArguments {
     pub(crate) fn selection(&self, metres_per_count: f64) -> Selection {
         self.reading.selection(Some(metres_per_count))
     }

@@ -8,6 +8,7 @@
 
 mod cli;
 mod commands;
+mod csv;
 mod failure;
 mod model_file;
 mod progress;
@@ -24,7 +25,8 @@ use crate::failure::Failure;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    start_log();
+    // A replay runs its service here: what that would tell the person who started it is of no interest.
+    start_log(if matches!(cli.verb, Verb::Replay(_)) { "warn" } else { "info" });
     match run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read our output has seen enough.
@@ -45,12 +47,13 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Publish(arguments) => commands::publish::run(&arguments),
         Verb::Serve(arguments) => commands::serve::run(&arguments),
         Verb::Watch(arguments) => commands::watch::run(&arguments),
+        Verb::Replay(arguments) => commands::replay::run(&arguments),
     }
 }
 
 /// Logs go to standard error; the environment variable `KINDS_LOG` says which (as in `KINDS_LOG=debug`).
-fn start_log() {
-    let filter = EnvFilter::try_from_env("KINDS_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
+fn start_log(usual: &str) {
+    let filter = EnvFilter::try_from_env("KINDS_LOG").unwrap_or_else(|_| EnvFilter::new(usual));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)

@@ -45,4 +45,7 @@ pub enum SensorError {
     /// A replayed trip cannot be read further.
     #[error(transparent)]
     Trip(#[from] TripError),
+    /// A device that this crate does not know: its own words.
+    #[error("{0}")]
+    Device(Box<dyn std::error::Error + Send + Sync>),
 }

@@ -15,7 +15,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::cli::DemoArguments;
 use crate::commands::{evaluate, train, watch};
 use crate::failure::Failure;
-use crate::{model_file, stop};
+use crate::{csv, model_file, stop};
 
 /// The made-up pair of trips; `demo/README.md` says how it was made.
 const TRIP1: &[u8] = include_bytes!("../../demo/trip1.mcap");
@@ -46,7 +46,7 @@ pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
     let reports = serve_and_watch(&model_path, &trip2, &stop)?;
     stop::from_now_on_at_once(&stop);
     println!("   {}", statistics(&reports));
-    write_file(folder, "kinds.csv", &csv(&reports))?;
+    write_file(folder, "kinds.csv", &table(&reports))?;
 
     println!("3. evaluate: do places that both trips saw get the same kind?");
     let model = model_file::open(&model_path)?;
@@ -147,15 +147,17 @@ fn statistics(reports: &[KindReport]) -> String {
     )
 }
 
-fn csv(reports: &[KindReport]) -> Vec<u8> {
+fn table(reports: &[KindReport]) -> Vec<u8> {
     let n_kinds = reports.first().map_or(0, |report| report.probabilities().len());
-    let columns: Vec<String> = (0..n_kinds).map(|kind| format!(",p{kind}")).collect();
-    let mut text = format!("sequence,captured_ns,kind,novelty,latency_ns{}\n", columns.concat());
+    let mut text =
+        format!("sequence,captured_ns,kind,novelty,latency_ns{}\n", csv::probability_titles(n_kinds));
     for report in reports {
-        let (latency_ns, novelty) = (watch::latency_ns(report), report.novelty);
-        text += &format!("{},{},{},{novelty},{latency_ns}", report.sequence, report.captured_ns, report.kind);
-        report.probabilities().iter().for_each(|probability| text += &format!(",{probability}"));
-        text.push('\n');
+        let (latency_ns, novelty) = (watch::latency_ns(report), csv::number(report.novelty));
+        let probabilities = csv::probabilities(report.probabilities());
+        text += &format!(
+            "{},{},{},{novelty},{latency_ns}{probabilities}\n",
+            report.sequence, report.captured_ns, report.kind
+        );
     }
     text.into_bytes()
 }
