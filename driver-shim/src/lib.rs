@@ -8,13 +8,13 @@
 //! sends them, and looks after who comes and goes. How far it waits for others is its [`Flow`]: a robot's sensor waits
 //! for nobody, a replayed trip can wait for every report.
 //!
-//! Devices: [`Replay`] of a recorded trip.
+//! Devices: [`Paced`] frames of a [`Source`], such as the [`Replay`] of a recorded trip.
 #![forbid(unsafe_code)]
 
 mod flow;
 mod notice;
 mod pace;
-mod replay;
+mod paced;
 mod sensor;
 mod shim;
 #[cfg(test)]
@@ -23,6 +23,6 @@ mod tests;
 pub use flow::{FOLLOW_WINDOW, Flow};
 pub use notice::Notice;
 pub use pace::{Pace, PaceError, Speed};
-pub use replay::Replay;
-pub use sensor::{Reading, Sensor, SensorError};
+pub use paced::{Paced, Replay, Source};
+pub use sensor::{Capture, Reading, Sensor, SensorError};
 pub use shim::{Shim, ShimError, Summary};

@@ -13,7 +13,7 @@ pub trait Sensor {
     /// Waits for the next frame and writes its counts.
     ///
     /// * `counts` — `(n_readings,)`, in shared memory. After [`Reading::NotYet`] the next call gets the same slice with
-    ///   what was written to it; after [`Reading::Frame`] it gets another one.
+    ///   what was written to it; after a frame it gets another one.
     /// * `timeout` — longest wait, so that whoever calls can end.
     ///
     /// After an error or [`Reading::End`] it is not called again.
@@ -24,18 +24,22 @@ pub trait Sensor {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reading {
     /// A frame: all counts are written.
-    Frame {
-        /// When the sensor captured it.
-        captured: Stamp,
-        /// Where the robot was, where it knew.
-        pose: Option<Pose>,
-        /// What the robot had been told to do, where it knew.
-        command: Option<Command>,
-    },
+    Frame(Capture),
     /// None within the timeout.
     NotYet,
     /// There are no more frames.
     End,
+}
+
+/// What is known of a frame besides its counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Capture {
+    /// When the sensor captured it.
+    pub captured: Stamp,
+    /// Where the robot was, where it knew.
+    pub pose: Option<Pose>,
+    /// What the robot had been told to do, where it knew.
+    pub command: Option<Command>,
 }
 
 /// Why a device cannot go on.

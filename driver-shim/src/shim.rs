@@ -7,7 +7,7 @@ use kinds_messages::{ChannelError, FrameHeader, FramePublisher, Node, SensorName
 use kinds_trips::FrameLayout;
 
 use crate::flow::{TICK, Traffic};
-use crate::{Flow, Notice, Reading, Sensor, SensorError};
+use crate::{Capture, Flow, Notice, Reading, Sensor, SensorError};
 
 /// Publishes one device under a sensor's name.
 pub struct Shim<S> {
@@ -99,7 +99,7 @@ impl<S: Sensor> Shim<S> {
         let mut loan = self.frames.loan()?;
         let header = loop {
             match self.device.read(loan.counts_mut(), TICK)? {
-                Reading::Frame { captured, pose, command } => {
+                Reading::Frame(Capture { captured, pose, command }) => {
                     let captured_ns = captured.0;
                     let header = FrameHeader { sequence: self.n_frames, captured_ns, ..self.header };
                     break header.with_pose(pose).with_command(command);

@@ -11,7 +11,7 @@ use kinds_messages::{
 };
 use kinds_trips::{FrameLayout, Stamp};
 
-use crate::{FOLLOW_WINDOW, Flow, Notice, Reading, Sensor, SensorError, Shim, Summary};
+use crate::{Capture, FOLLOW_WINDOW, Flow, Notice, Reading, Sensor, SensorError, Shim, Summary};
 
 const DEADLINE: Duration = Duration::from_secs(20);
 const LAYOUT: FrameLayout = FrameLayout { rows: 2, columns: 3, metres_per_count: 0.002 };
@@ -41,7 +41,8 @@ impl Sensor for Counter {
         }
         self.next += 1;
         counts.fill(self.next as u16);
-        Ok(Reading::Frame { captured: Stamp(self.next as i64), pose: Some(POSE), command: Some(COMMAND) })
+        let captured = Stamp(self.next as i64);
+        Ok(Reading::Frame(Capture { captured, pose: Some(POSE), command: Some(COMMAND) }))
     }
 }
 

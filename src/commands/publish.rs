@@ -16,7 +16,7 @@ pub(crate) fn run(arguments: &PublishArguments) -> Result<(), Failure> {
     let flow = if arguments.follow { Flow::Followed } else { pace.flow() };
     let mut shim = Shim::new(&node, sensor, Replay::new(trip, pace), flow)?;
     let summary = shim.run(&stop, &mut |notice| eprintln!("kinds: {notice}"))?;
-    if let Some(truncation) = shim.device().trip().truncation() {
+    if let Some(truncation) = shim.device().source().truncation() {
         eprintln!("kinds: trip {} {truncation}", arguments.trip.display());
     }
     println!("published {} frames of {sensor} in {:.1} s", summary.n_frames, summary.duration.as_secs_f64());

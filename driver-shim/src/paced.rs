@@ -1,57 +1,82 @@
-//! A recorded trip as a device.
+//! Frames that are there before their time, such as those of a recorded trip, as a device.
 
 use std::time::{Duration, Instant};
 
 use kinds_messages::Pose;
-use kinds_trips::{FrameInfo, FrameLayout, TripReader};
+use kinds_trips::{FrameLayout, TripReader};
 
 use crate::pace::Schedule;
-use crate::{Pace, Reading, Sensor, SensorError};
+use crate::{Capture, Pace, Reading, Sensor, SensorError};
 
-/// A recorded trip as a device. Its time begins with the first frame that is read.
-pub struct Replay {
-    trip: TripReader,
+/// Where frames come from that know their time and need not be waited for.
+pub trait Source {
+    /// What all frames look like.
+    fn layout(&self) -> FrameLayout;
+
+    /// Writes the counts of the next frame, `(n_readings,)`; `None` at the end.
+    fn next(&mut self, counts: &mut [u16]) -> Result<Option<Capture>, SensorError>;
+}
+
+/// A source as a device: each frame comes when it is due. Its time begins with the first frame that is read.
+pub struct Paced<S> {
+    source: S,
     schedule: Schedule,
     clock: Box<dyn Clock>,
     /// Written to the counts already, and not yet due.
-    pending: Option<FrameInfo>,
+    pending: Option<Capture>,
 }
 
-impl Replay {
-    /// Replays the rest of a trip at a pace.
-    pub fn new(trip: TripReader, pace: Pace) -> Self {
-        Self::with_clock(trip, pace, Box::new(SystemClock { start: Instant::now() }))
+/// The rest of a recorded trip as a device.
+pub type Replay = Paced<TripReader>;
+
+impl<S: Source> Paced<S> {
+    /// Gives a source's frames at a pace.
+    pub fn new(source: S, pace: Pace) -> Self {
+        Self::with_clock(source, pace, Box::new(SystemClock { start: Instant::now() }))
     }
 
-    pub(crate) fn with_clock(trip: TripReader, pace: Pace, clock: Box<dyn Clock>) -> Self {
-        Self { trip, schedule: Schedule::new(pace), clock, pending: None }
+    pub(crate) fn with_clock(source: S, pace: Pace, clock: Box<dyn Clock>) -> Self {
+        Self { source, schedule: Schedule::new(pace), clock, pending: None }
     }
 
-    /// The trip, for what it has to say at its end.
-    pub fn trip(&self) -> &TripReader {
-        &self.trip
+    /// The source, for what it has to say at its end.
+    pub fn source(&self) -> &S {
+        &self.source
     }
 }
 
-impl Sensor for Replay {
+impl<S: Source> Sensor for Paced<S> {
     fn layout(&self) -> FrameLayout {
-        self.trip.layout()
+        self.source.layout()
     }
 
     fn read(&mut self, counts: &mut [u16], timeout: Duration) -> Result<Reading, SensorError> {
         let next = match self.pending.take() {
             Some(pending) => Some(pending),
-            None => self.trip.next_frame(counts)?,
+            None => self.source.next(counts)?,
         };
-        let Some(frame) = next else { return Ok(Reading::End) };
-        let wait = self.schedule.wait(frame.captured, self.clock.now());
+        let Some(capture) = next else { return Ok(Reading::End) };
+        let wait = self.schedule.wait(capture.captured, self.clock.now());
         self.clock.sleep(wait.min(timeout));
         if wait > timeout {
-            self.pending = Some(frame);
+            self.pending = Some(capture);
             return Ok(Reading::NotYet);
         }
-        let pose = frame.pose.map(|pose| Pose { x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad });
-        Ok(Reading::Frame { captured: frame.captured, pose, command: None })
+        Ok(Reading::Frame(capture))
+    }
+}
+
+impl Source for TripReader {
+    fn layout(&self) -> FrameLayout {
+        TripReader::layout(self)
+    }
+
+    fn next(&mut self, counts: &mut [u16]) -> Result<Option<Capture>, SensorError> {
+        let frame = self.next_frame(counts)?;
+        Ok(frame.map(|frame| {
+            let pose = frame.pose.map(|pose| Pose { x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad });
+            Capture { captured: frame.captured, pose, command: None }
+        }))
     }
 }
 
@@ -126,7 +151,7 @@ mod tests {
     }
 
     /// Reads a trip to its end: when each frame came, its counts, and what was said of it.
-    fn replay(pace: &str, timeout: Duration) -> (Vec<(Duration, Vec<u16>, Reading)>, usize) {
+    fn replay(pace: &str, timeout: Duration) -> (Vec<(Duration, Vec<u16>, Capture)>, usize) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trip.mcap");
         write_trip(&path);
@@ -140,8 +165,8 @@ mod tests {
             match replay.read(&mut counts, timeout).unwrap() {
                 Reading::End => return (frames, n_not_yet),
                 Reading::NotYet => n_not_yet += 1,
-                frame @ Reading::Frame { .. } => {
-                    frames.push((clock.now(), std::mem::replace(&mut counts, vec![0; 3]), frame));
+                Reading::Frame(capture) => {
+                    frames.push((clock.now(), std::mem::replace(&mut counts, vec![0; 3]), capture));
                 }
             }
         }
@@ -159,12 +184,10 @@ mod tests {
     #[test]
     fn frames_keep_their_counts_stamps_and_poses() {
         let (frames, _) = replay("1", Duration::from_secs(1));
-        let (_, counts, reading) = &frames[2];
+        let (_, counts, capture) = &frames[2];
         assert_eq!(counts, &[1020, 2020, 3020]);
         let pose = Pose { x_m: 2.0, y_m: 0.5, yaw_rad: 0.25 };
-        let &Reading::Frame { captured, pose: Some(found), command: None } = reading else {
-            panic!("{reading:?}")
-        };
+        let &Capture { captured, pose: Some(found), command: None } = capture else { panic!("{capture:?}") };
         assert_eq!(captured, Stamp(10_130_000_000));
         // The heading has been through a quaternion and back.
         assert_eq!((found.x_m, found.y_m), (pose.x_m, pose.y_m));
