@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use kinds_driver_shim::Pace;
+use kinds_driver_shim::simulated::Floor;
 use kinds_messages::{Domain, SensorName};
 use kinds_model::{Method, Scale};
 use kinds_trainer::Config;
@@ -172,13 +173,22 @@ pub(crate) struct InspectArguments {
 
 #[derive(Args, Debug)]
 pub(crate) struct PublishArguments {
-    /// Recorded trip to replay
-    #[arg(long)]
-    pub(crate) trip: PathBuf,
+    /// Recorded trip to replay; with --simulate, which of the robot's trips to drive: a number
+    #[arg(long, required_unless_present = "simulate")]
+    pub(crate) trip: Option<PathBuf>,
+    /// Drive a simulated robot instead
+    #[arg(long, value_enum, value_name = "ROBOT")]
+    pub(crate) simulate: Option<RobotName>,
+    /// Where Crunch drives: fourth-floor or fifth-floor [default: fourth-floor]
+    #[arg(long, requires = "simulate")]
+    pub(crate) world: Option<Floor>,
+    /// Seed of everything random about the simulated robot and its world
+    #[arg(long, requires = "simulate", default_value_t = 0, value_name = "N")]
+    pub(crate) seed: u64,
     /// Sensor to publish it as, such as crunch/ring
     #[arg(long, value_name = "NAME")]
     pub(crate) sensor: SensorName,
-    /// Multiple of the recorded pace, or max: as fast as the service follows
+    /// Multiple of the recorded or real pace, or max: as fast as the service follows
     #[arg(long, default_value = "1", value_name = "X|max")]
     pub(crate) speed: Pace,
     /// Lose nothing: wait for a service, and go no faster than it reports (as --speed max always does)
@@ -232,6 +242,15 @@ pub(crate) struct ReplayArguments {
     pub(crate) expect: Option<PathBuf>,
     #[command(flatten)]
     reading: ReadingArguments,
+}
+
+/// A simulated robot.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum RobotName {
+    /// Small and round, with eight sonars and eight infrared sensors, in an office building
+    Crunch,
+    /// Large, with six wheels and a time-of-flight camera, outdoors on a campus
+    Chew,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -8,7 +8,8 @@
 //! sends them, and looks after who comes and goes. How far it waits for others is its [`Flow`]: a robot's sensor waits
 //! for nobody, a replayed trip can wait for every report.
 //!
-//! Devices: [`Paced`] frames of a [`Source`], such as the [`Replay`] of a recorded trip.
+//! Devices: [`Paced`] frames of a [`Source`], such as the [`Replay`] of a recorded trip or a
+//! [`simulated`] robot.
 #![forbid(unsafe_code)]
 
 mod flow;
@@ -17,6 +18,7 @@ mod pace;
 mod paced;
 mod sensor;
 mod shim;
+pub mod simulated;
 #[cfg(test)]
 mod tests;
 

@@ -1,23 +1,75 @@
 //! `kinds publish`: the driver shim of one sensor.
 
-use kinds_driver_shim::{Flow, Replay, Shim};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot};
+use kinds_driver_shim::{Flow, Pace, Paced, Shim, Source};
 use kinds_messages::Node;
 use kinds_trips::TripReader;
 
-use crate::cli::PublishArguments;
+use crate::cli::{PublishArguments, RobotName};
 use crate::failure::Failure;
 use crate::stop;
 
 pub(crate) fn run(arguments: &PublishArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
-    let trip = TripReader::open(&arguments.trip, &arguments.selection())?;
+    match (arguments.simulate, &arguments.trip) {
+        (Some(name), trip) => {
+            let robot = simulated(name, trip.as_deref(), arguments)?;
+            publish(robot, arguments, &stop, |_| None)
+        }
+        (None, Some(path)) => {
+            let trip = TripReader::open(path, &arguments.selection())?;
+            publish(trip, arguments, &stop, |trip| {
+                trip.truncation().map(|truncation| format!("trip {} {truncation}", path.display()))
+            })
+        }
+        (None, None) => Err(Failure::AskedWrongly("say what to publish: --trip or --simulate".to_string())),
+    }
+}
+
+fn simulated(
+    name: RobotName,
+    trip: Option<&Path>,
+    arguments: &PublishArguments,
+) -> Result<Box<dyn Robot>, Failure> {
+    let text = trip.map_or_else(|| "1".into(), Path::to_string_lossy);
+    let Ok(trip) = text.parse() else {
+        return Err(Failure::AskedWrongly(format!(
+            "with --simulate, --trip is the number of one of the robot's trips, such as 2; it is \"{text}\""
+        )));
+    };
+    match (name, arguments.world) {
+        (RobotName::Crunch, world) => {
+            Ok(Box::new(Crunch::new(world.unwrap_or(Floor::Fourth), trip, arguments.seed)))
+        }
+        (RobotName::Chew, None) => Ok(Box::new(Chew::new(trip, arguments.seed))),
+        (RobotName::Chew, Some(_)) => {
+            Err(Failure::AskedWrongly("chew drives on its campus alone; leave out --world".to_string()))
+        }
+    }
+}
+
+/// Publishes a source to its end, and then says what `remark` has to say of it.
+fn publish<S: Source>(
+    source: S,
+    arguments: &PublishArguments,
+    stop: &AtomicBool,
+    remark: impl Fn(&S) -> Option<String>,
+) -> Result<(), Failure> {
     let node = Node::open(&arguments.domain.domain(), "kinds-publish")?;
     let (sensor, pace) = (&arguments.sensor, arguments.speed);
-    let flow = if arguments.follow { Flow::Followed } else { pace.flow() };
-    let mut shim = Shim::new(&node, sensor, Replay::new(trip, pace), flow)?;
-    let summary = shim.run(&stop, &mut |notice| eprintln!("kinds: {notice}"))?;
-    if let Some(truncation) = shim.device().source().truncation() {
-        eprintln!("kinds: trip {} {truncation}", arguments.trip.display());
+    let flow = match pace {
+        _ if arguments.follow => Flow::Followed,
+        // A robot waits for nobody.
+        Pace::Recorded(_) if arguments.simulate.is_some() => Flow::Live,
+        pace => pace.flow(),
+    };
+    let mut shim = Shim::new(&node, sensor, Paced::new(source, pace), flow)?;
+    let summary = shim.run(stop, &mut |notice| eprintln!("kinds: {notice}"))?;
+    if let Some(remark) = remark(shim.device().source()) {
+        eprintln!("kinds: {remark}");
     }
     println!("published {} frames of {sensor} in {:.1} s", summary.n_frames, summary.duration.as_secs_f64());
     if summary.n_unreported > 0 {

@@ -15,6 +15,7 @@ mod replay;
 mod robot;
 mod running;
 mod serve;
+mod simulated;
 mod train;
 mod watch;
 mod way;

@@ -164,6 +164,11 @@ impl Robot {
         self.start(&["publish", "--trip", trip, "--sensor", SENSOR, "--speed", speed])
     }
 
+    /// The domain in which its programs meet.
+    pub(crate) fn domain(&self) -> &Domain {
+        &self.domain
+    }
+
     /// Joins the robot's domain, in this process, as a reader of kind reports.
     pub(crate) fn join(&self) -> Consumer {
         Consumer::join(&self.domain, SENSOR)
