@@ -55,6 +55,8 @@ pub(crate) enum Verb {
     Serve(ServeArguments),
     /// Print the kinds of a sensor as they come
     Watch(WatchArguments),
+    /// Record a sensor's frames, poses, commands and kinds into a trip
+    Record(RecordArguments),
     /// Push a trip through shim, shared memory and service in lockstep, and say whether anything has changed
     Replay(ReplayArguments),
 }
@@ -221,6 +223,21 @@ pub(crate) struct WatchArguments {
     #[arg(long)]
     pub(crate) json: bool,
     /// End after this many reports
+    #[arg(long, value_name = "N")]
+    pub(crate) count: Option<u64>,
+    #[command(flatten)]
+    pub(crate) domain: DomainArguments,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct RecordArguments {
+    /// Sensor to record, such as crunch/ring
+    #[arg(long, value_name = "NAME")]
+    pub(crate) sensor: SensorName,
+    /// ROS 2 bag (MCAP) to write: it must not be there yet
+    #[arg(long, short, value_name = "TRIP.mcap")]
+    pub(crate) output: PathBuf,
+    /// End after this many frames [default: at SIGINT or SIGTERM]
     #[arg(long, value_name = "N")]
     pub(crate) count: Option<u64>,
     #[command(flatten)]

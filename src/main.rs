@@ -47,6 +47,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Publish(arguments) => commands::publish::run(&arguments),
         Verb::Serve(arguments) => commands::serve::run(&arguments),
         Verb::Watch(arguments) => commands::watch::run(&arguments),
+        Verb::Record(arguments) => commands::record::run(&arguments),
         Verb::Replay(arguments) => commands::replay::run(&arguments),
     }
 }

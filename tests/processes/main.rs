@@ -11,6 +11,7 @@ mod evaluate;
 mod models;
 mod publish;
 mod real_trips;
+mod record;
 mod replay;
 mod robot;
 mod running;

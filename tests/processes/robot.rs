@@ -5,7 +5,7 @@ use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{ChildStdout, Command, Stdio};
 
-use kinds_messages::{Domain, Node, OwnDomain};
+use kinds_messages::{Domain, FrameReader, Node, OwnDomain};
 
 use crate::consumer::Consumer;
 use crate::running::{Outcome, Running};
@@ -164,9 +164,10 @@ impl Robot {
         self.start(&["publish", "--trip", trip, "--sensor", SENSOR, "--speed", speed])
     }
 
-    /// The domain in which its programs meet.
-    pub(crate) fn domain(&self) -> &Domain {
-        &self.domain
+    /// Joins the robot's domain, in this process, as a reader of frames.
+    pub(crate) fn join_frames(&self) -> FrameReader {
+        let node = Node::open(&self.domain, "test").unwrap();
+        FrameReader::open(&node, &SENSOR.parse().unwrap()).unwrap()
     }
 
     /// Joins the robot's domain, in this process, as a reader of kind reports.

@@ -1,7 +1,6 @@
 //! `kinds publish --simulate`: a robot that nobody has.
 
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot as Simulated};
-use kinds_messages::{FrameReader, Node};
 
 use crate::robot::{Robot, SENSOR};
 use crate::running::await_that;
@@ -9,8 +8,7 @@ use crate::running::await_that;
 /// Reads the first frames that a simulated robot publishes, and compares them with driving it here.
 fn check(arguments: &[&str], mut here: Box<dyn Simulated>) {
     let robot = Robot::new();
-    let node = Node::open(robot.domain(), "test").unwrap();
-    let frames = FrameReader::open(&node, &SENSOR.parse().unwrap()).unwrap();
+    let frames = robot.join_frames();
     let shim = robot.start(&[&["publish", "--sensor", SENSOR, "--simulate"], arguments].concat());
     let mut expected = vec![0; here.layout().n_readings()];
     for sequence in 0..5 {

@@ -26,6 +26,8 @@ pub(crate) enum FrameType {
 pub(crate) const LASER_SCAN: &str = "sensor_msgs/msg/LaserScan";
 pub(crate) const IMAGE: &str = "sensor_msgs/msg/Image";
 pub(crate) const ODOMETRY: &str = "nav_msgs/msg/Odometry";
+pub(crate) const TWIST_STAMPED: &str = "geometry_msgs/msg/TwistStamped";
+pub(crate) const FLOAT64_MULTI_ARRAY: &str = "std_msgs/msg/Float64MultiArray";
 
 impl Role {
     /// The types of message that give these, in a sentence.

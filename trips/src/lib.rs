@@ -5,7 +5,7 @@
 //!
 //! * [`TripReader`] turns it into *frames*: `u16` counts of a stated unit, each with its time of capture and the pose
 //!   at that time. Reading streams: memory does not grow with the length of the trip.
-//! * [`TripWriter`] writes the same, for `ros2 bag`, Foxglove, PlotJuggler and the `rosbags` package to read.
+//! * [`TripWriter`] writes the same, and commands and kinds beside them, for `ros2 bag`, Foxglove, PlotJuggler and the `rosbags` package to read.
 //!
 //! # Metres become counts
 //!

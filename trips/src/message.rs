@@ -54,6 +54,28 @@ pub(crate) struct OdometryMessage<S> {
     pub(crate) twist_covariance: [[f64; 6]; 6],
 }
 
+/// Velocities, linear and angular: six numbers on the wire.
+#[derive(Serialize)]
+pub(crate) struct TwistStampedMessage<S> {
+    pub(crate) header: Header<S>,
+    pub(crate) twist: [f64; 6],
+}
+
+/// A row of numbers: one dimension.
+#[derive(Serialize)]
+pub(crate) struct Float64MultiArrayMessage<'a> {
+    pub(crate) dimensions: Vec<ArrayDimension<'a>>,
+    pub(crate) data_offset: u32,
+    pub(crate) data: &'a [f64],
+}
+
+#[derive(Serialize)]
+pub(crate) struct ArrayDimension<'a> {
+    pub(crate) label: &'a str,
+    pub(crate) size: u32,
+    pub(crate) stride: u32,
+}
+
 /// As one run of bytes: serde would write a slice element by element.
 fn as_bytes<S: Serializer>(data: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_bytes(data)

@@ -15,9 +15,12 @@ use mcap::records::{MessageHeader, Metadata};
 use nalgebra::UnitQuaternion;
 use tempfile::NamedTempFile;
 
-use crate::catalogue::{IMAGE, LASER_SCAN, ODOMETRY};
+use crate::catalogue::{FLOAT64_MULTI_ARRAY, IMAGE, LASER_SCAN, ODOMETRY, TWIST_STAMPED};
 use crate::counts::{INVALID, Unit};
-use crate::message::{Header, ImageMessage, LaserScanMessage, OdometryMessage, encode};
+use crate::message::{
+    ArrayDimension, Float64MultiArrayMessage, Header, ImageMessage, LaserScanMessage, OdometryMessage,
+    TwistStampedMessage, encode,
+};
 use crate::{FrameLayout, Pose, Stamp, TripWriteError};
 
 /// How chunks are compressed.
@@ -231,6 +234,51 @@ impl TripWriter {
         self.write(topic, ODOMETRY, at, &encode(&message))
     }
 
+    /// Writes what the robot was told to do, as `geometry_msgs/msg/TwistStamped` in the frame `base_link`.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
+    ///
+    /// # Panics
+    ///
+    /// If the topic has had messages of another type.
+    pub fn write_command(
+        &mut self,
+        topic: &str,
+        at: Stamp,
+        forward_m_s: f64,
+        turn_rad_s: f64,
+    ) -> Result<(), TripWriteError> {
+        let twist = [forward_m_s, 0.0, 0.0, 0.0, 0.0, turn_rad_s];
+        let message = TwistStampedMessage { header: header(at, "base_link"), twist };
+        self.write(topic, TWIST_STAMPED, at, &encode(&message))
+    }
+
+    /// Writes a row of numbers, such as the probability of each kind, as `std_msgs/msg/Float64MultiArray`.
+    ///
+    /// The message has no stamp: `at` is its time in the recording.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
+    ///
+    /// # Panics
+    ///
+    /// If the topic has had messages of another type.
+    pub fn write_numbers(
+        &mut self,
+        topic: &str,
+        at: Stamp,
+        label: &str,
+        numbers: &[f64],
+    ) -> Result<(), TripWriteError> {
+        let size = numbers.len() as u32;
+        let dimensions = vec![ArrayDimension { label, size, stride: size }];
+        let message = Float64MultiArrayMessage { dimensions, data_offset: 0, data: numbers };
+        self.write(topic, FLOAT64_MULTI_ARRAY, at, &encode(&message))
+    }
+
     /// Closes the current chunk and hands everything to the system: what a crash from here on cannot take.
     ///
     /// # Errors
@@ -284,6 +332,8 @@ impl TripWriter {
         let definition = match type_name {
             LASER_SCAN => include_str!("definitions/LaserScan.msg"),
             IMAGE => include_str!("definitions/Image.msg"),
+            TWIST_STAMPED => include_str!("definitions/TwistStamped.msg"),
+            FLOAT64_MULTI_ARRAY => include_str!("definitions/Float64MultiArray.msg"),
             _ => include_str!("definitions/Odometry.msg"),
         };
         let schema_id = self.mcap.add_schema(type_name, "ros2msg", definition.as_bytes())?;

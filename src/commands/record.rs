@@ -1,0 +1,169 @@
+//! `kinds record`: a sensor's frames, poses, commands and kinds, from shared memory into a trip.
+
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use kinds_messages::{Frame, FrameHeader, FrameReader, KindReport, Node, ReportReader, ReportStatus};
+use kinds_trips::{
+    FrameLayout, Image, ImageEncoding, Pose, Stamp, TripWriteError, TripWriter, WriterOptions,
+};
+
+use crate::cli::RecordArguments;
+use crate::failure::Failure;
+use crate::stop;
+
+/// Longest time between two looks at the stop flag.
+const TICK: Duration = Duration::from_millis(50);
+
+/// How often everything is handed to the system: what a crash can take.
+const FLUSH_PERIOD: Duration = Duration::from_secs(1);
+
+/// How often what killed programs left is looked for.
+const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
+
+pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
+    let (sensor, path) = (&arguments.sensor, &arguments.output);
+    if path.exists() {
+        return Err(Failure::CouldNot(format!(
+            "cannot record into {}: it is there already; choose another name",
+            path.display()
+        )));
+    }
+    let stop = stop::on_signals()?;
+    let mut recording = Recording::begin(TripWriter::create(path, &WriterOptions::default())?);
+    let node = Node::open(&arguments.domain.domain(), "kinds-record")?;
+    // Both before the first frame can come: its report must find a reader.
+    let reports = ReportReader::open(&node, sensor)?;
+    let frames = FrameReader::open(&node, sensor)?;
+    if !frames.is_published() {
+        eprintln!("kinds: waiting for a driver shim to publish {sensor}");
+    }
+    let n_frames_max = arguments.count.unwrap_or(u64::MAX);
+    let (mut last_flush, mut last_clean_up) = (Instant::now(), Instant::now());
+    loop {
+        // Read before recording: what was sent before the flag was set is recorded.
+        let stopping = stop.load(Ordering::Relaxed);
+        while recording.n_frames < n_frames_max
+            && let Some(frame) = frames.receive()?
+        {
+            recording.add_frame(&frame)?;
+        }
+        while let Some(report) = reports.receive()? {
+            recording.add_report(&report)?;
+        }
+        if stopping || recording.is_complete(n_frames_max, reports.service().is_some()) {
+            break;
+        }
+        if last_flush.elapsed() >= FLUSH_PERIOD {
+            recording.writer.flush()?;
+            last_flush = Instant::now();
+        }
+        if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
+            node.clean_up_dead_nodes();
+            last_clean_up = Instant::now();
+        }
+        // The last frame is here, and its report is still on its way.
+        if recording.n_frames < n_frames_max {
+            frames.wait(TICK)?
+        } else {
+            reports.wait(TICK)?
+        };
+    }
+    let summary = recording.end(&arguments.output)?;
+    println!("{summary}");
+    Ok(())
+}
+
+/// A trip being recorded. Dropped before its end, it leaves nothing behind.
+struct Recording {
+    writer: TripWriter,
+    n_frames: u64,
+    n_reports: u64,
+    n_lost: u64,
+    layout: Option<FrameLayout>,
+    /// Of the last frame: its run, and its number in it.
+    last_frame: Option<(u64, u64)>,
+    last_report: Option<(u64, u64)>,
+}
+
+impl Recording {
+    fn begin(writer: TripWriter) -> Self {
+        Self {
+            writer,
+            n_frames: 0,
+            n_reports: 0,
+            n_lost: 0,
+            layout: None,
+            last_frame: None,
+            last_report: None,
+        }
+    }
+
+    /// Frames are written as depth images, which keep counts as they are. A ring is an image of few rows.
+    fn add_frame(&mut self, frame: &Frame) -> Result<(), Failure> {
+        let header = frame.header();
+        let layout = layout_of(header);
+        let expected = *self.layout.get_or_insert(layout);
+        if layout != expected || layout.n_readings() != frame.counts().len() {
+            return Err(Failure::CouldNot(format!(
+                "cannot record frames of {layout} after frames of {expected}: one trip is of one sensor"
+            )));
+        }
+        let at = Stamp(header.captured_ns);
+        // Millimetres are whole numbers in a message; every other unit goes as metres.
+        let is_millimetre = layout.metres_per_count == 0.001;
+        let encoding = if is_millimetre { ImageEncoding::Millimetres } else { ImageEncoding::Metres };
+        let image =
+            Image { counts: frame.counts(), layout, encoding, big_endian: false, row_padding_bytes: 0 };
+        if let Some(pose) = header.known_pose() {
+            let pose = Pose { x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad };
+            self.writer.write_odometry("/odom", at, &pose)?;
+        }
+        if let Some(command) = header.known_command() {
+            self.writer.write_command("/cmd_vel", at, command.forward_m_s, command.turn_rad_s)?;
+        }
+        self.writer.write_image("/frames", at, &image)?;
+        if let Some((run, sequence)) = self.last_frame.replace((header.run, header.sequence))
+            && run == header.run
+        {
+            self.n_lost += header.sequence.saturating_sub(sequence).saturating_sub(1);
+        }
+        self.n_frames += 1;
+        Ok(())
+    }
+
+    /// Kinds of frames that are in the trip; a late joiner's first report may be of one that is not.
+    fn add_report(&mut self, report: &KindReport) -> Result<(), TripWriteError> {
+        let is_recorded =
+            self.last_frame.is_some_and(|(run, sequence)| run == report.run && report.sequence <= sequence);
+        if !is_recorded {
+            return Ok(());
+        }
+        self.last_report = Some((report.run, report.sequence));
+        if report.status() == ReportStatus::Classified {
+            self.writer.write_numbers("/kinds", Stamp(report.captured_ns), "kind", report.probabilities())?;
+            self.n_reports += 1;
+        }
+        Ok(())
+    }
+
+    /// Whether all frames that were asked for are there, and the report on the last of them if somebody will report.
+    fn is_complete(&self, n_frames_max: u64, is_served: bool) -> bool {
+        self.n_frames >= n_frames_max && (!is_served || self.last_report >= self.last_frame)
+    }
+
+    fn end(self, path: &Path) -> Result<String, Failure> {
+        if self.n_frames == 0 {
+            return Err(Failure::CouldNot(format!("no frame came, so {} was not written", path.display())));
+        }
+        let (n_frames, n_reports, n_lost) = (self.n_frames, self.n_reports, self.n_lost);
+        self.writer.finish()?;
+        let path = path.display();
+        Ok(format!("recorded {n_frames} frames and {n_reports} reports into {path}; {n_lost} frames lost"))
+    }
+}
+
+fn layout_of(header: &FrameHeader) -> FrameLayout {
+    FrameLayout { rows: header.rows, columns: header.columns, metres_per_count: header.metres_per_count }
+}

@@ -1,0 +1,127 @@
+//! `kinds record`: what went through shared memory is a trip again.
+
+use std::process::Command;
+
+use kinds_driver_shim::simulated::{Crunch, Floor, Robot as _};
+use rustix::process::Signal;
+
+use crate::robot::{Robot, SECOND, SENSOR};
+use crate::running::Running;
+use crate::world::{Trip, read_trip};
+
+const RECORDED: &str = "recorded.mcap";
+
+/// Starts a recorder, and waits until it would take a frame.
+fn record(robot: &Robot, more: &[&str]) -> Running {
+    let recorder = robot.start(&[&["record", "--sensor", SENSOR, "--output", RECORDED], more].concat());
+    recorder.await_err("kinds: waiting for a driver shim to publish crunch/ring");
+    recorder
+}
+
+#[test]
+fn a_recorded_replay_has_the_frames_and_poses_of_its_trip_and_a_report_on_each() {
+    let robot = Robot::trained();
+    let n_frames = 40;
+    Trip { n_frames, ..Trip::SECOND }.write(&robot.path("short.mcap"));
+    let service = robot.serve();
+    let recorder = record(&robot, &["--count", "40"]);
+    // Paced replay waits for nobody: slow enough for a recorder that has to share its processor with other tests.
+    let shim = robot.publish("short.mcap", "5");
+    let outcome = recorder.end();
+    assert_eq!(
+        outcome.stdout, "recorded 40 frames and 40 reports into recorded.mcap; 0 frames lost\n",
+        "{outcome:?}"
+    );
+    assert_eq!(shim.end().code, Some(0));
+    service.stop(Signal::TERM);
+    let (expected, found) = (read_trip(&robot.path("short.mcap")), read_trip(&robot.path(RECORDED)));
+    assert_eq!(found.len(), n_frames);
+    for ((expected, expected_counts), (found, found_counts)) in expected.iter().zip(&found) {
+        assert_eq!(found_counts, expected_counts);
+        assert_eq!(found.captured, expected.captured);
+        let (expected, found) = (expected.pose.unwrap(), found.pose.unwrap());
+        // Through a quaternion and back.
+        let error = (expected.x_m - found.x_m).abs().max((expected.yaw_rad - found.yaw_rad).abs());
+        assert!(error < 1e-12, "{found:?} instead of {expected:?}");
+    }
+}
+
+#[test]
+fn a_signal_completes_the_trip_that_is_being_recorded() {
+    let robot = Robot::new();
+    let recorder = record(&robot, &[]);
+    let shim = robot.start(&["publish", "--simulate", "crunch", "--sensor", SENSOR, "--speed", "5"]);
+    let frames = robot.join_frames();
+    crate::running::await_that(|| {
+        frames.receive().unwrap().is_some_and(|frame| frame.header().sequence >= 5)
+    });
+    drop(frames);
+    let said = recorder.stop(Signal::TERM);
+    assert!(said.ends_with(" into recorded.mcap; 0 frames lost\n"), "{said}");
+    shim.stop(Signal::TERM);
+    let mut crunch = Crunch::new(Floor::Fourth, 1, 0);
+    let mut expected = vec![0; crunch.layout().n_readings()];
+    let recorded = read_trip(&robot.path(RECORDED));
+    assert!(recorded.len() > 5);
+    for (found, counts) in recorded {
+        let moment = crunch.step(&mut expected).unwrap();
+        assert_eq!((found.captured, counts), (moment.captured, expected.clone()));
+    }
+}
+
+#[test]
+fn what_cannot_be_recorded_is_a_sentence_and_leaves_no_file() {
+    let robot = Robot::trained();
+    let record = ["record", "--sensor", SENSOR, "--output"];
+    robot.refuse(
+        &[&record[..], &[SECOND]].concat(),
+        1,
+        "cannot record into second.mcap: it is there already; choose another name",
+    );
+    robot.refuse_with(&[&record[..], &["nowhere/trip.mcap"]].concat(), 1, &["nowhere/trip.mcap"]);
+    let before = robot.files();
+    let recorder = self::record(&robot, &[]);
+    recorder.signal(Signal::INT);
+    let outcome = recorder.end();
+    assert_eq!(outcome.code, Some(1));
+    assert!(
+        outcome.stderr.ends_with("kinds: no frame came, so recorded.mcap was not written\n"),
+        "{outcome:?}"
+    );
+    assert!(robot.files() == before);
+}
+
+#[test]
+fn rosbags_reads_what_was_recorded() {
+    let has_rosbags = Command::new("python3").args(["-c", "import rosbags.highlevel"]).output();
+    if !has_rosbags.is_ok_and(|probe| probe.status.success()) {
+        eprintln!("skipped: python3 has no package rosbags");
+        return;
+    }
+    let robot = Robot::trained();
+    let service = robot.serve();
+    let recorder = record(&robot, &["--count", "20"]);
+    let shim = robot.publish(SECOND, "5");
+    assert_eq!(recorder.end().code, Some(0));
+    shim.stop(Signal::TERM);
+    service.stop(Signal::TERM);
+    let script = "
+import sys
+from pathlib import Path
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+with AnyReader([Path(sys.argv[1])], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+    for connection in sorted(bag.connections, key=lambda connection: connection.topic):
+        print(connection.topic, connection.msgtype, connection.msgcount)
+    for connection, _, raw in bag.messages():
+        message = bag.deserialize(raw, connection.msgtype)
+        if connection.topic == '/kinds':
+            assert abs(sum(message.data) - 1) < 1e-9 and message.layout.dim[0].size == len(message.data)
+";
+    let output = Command::new("python3").args(["-c", script]).arg(robot.path(RECORDED)).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(
+        String::from_utf8_lossy(&output.stdout),
+        "/frames sensor_msgs/msg/Image 20\n/kinds std_msgs/msg/Float64MultiArray 20\n/odom nav_msgs/msg/Odometry 20\n"
+    );
+}
