@@ -108,8 +108,23 @@ impl Channel {
         }
     }
 
+    /// Opens the publisher's end of the channel's events, and wakes the readers: they connect when they look.
+    pub(crate) fn notifier(&self, node: &Node) -> Result<Notifier<ipc::Service>, Obstacle> {
+        let notifier = self.events(node)?.notifier_builder().create();
+        let notifier = notifier.map_err(|error| Obstacle::notifier(error, self))?;
+        // Nobody may be listening, and then nobody needs to be woken.
+        let _ = notifier.notify();
+        Ok(notifier)
+    }
+
+    /// Opens a reader's end of the channel's events.
+    pub(crate) fn listener(&self, node: &Node) -> Result<Listener<ipc::Service>, Obstacle> {
+        let listener = self.events(node)?.listener_builder().create();
+        listener.map_err(|error| Obstacle::listener(error, self))
+    }
+
     /// Opens or makes the channel's events, by which readers are woken.
-    pub(crate) fn events(&self, node: &Node) -> Result<Events<ipc::Service>, Obstacle> {
+    fn events(&self, node: &Node) -> Result<Events<ipc::Service>, Obstacle> {
         let limits = self.limits();
         node.inner
             .service_builder(&self.service_name())

@@ -62,13 +62,7 @@ impl FramePublisher {
             .max_loaned_samples(channel.limits().loans)
             .create()
             .map_err(|error| Obstacle::publisher(error, channel))?;
-        let notifier = channel
-            .events(node)?
-            .notifier_builder()
-            .create()
-            .map_err(|error| Obstacle::notifier(error, channel))?;
-        // Readers connect when they look; this makes them look.
-        let _ = notifier.notify();
+        let notifier = channel.notifier(node)?;
         Ok(Self { notifier, publisher, frames, channel: channel.clone(), n_readings })
     }
 
@@ -137,11 +131,7 @@ impl FrameReader {
     fn try_open(node: &Node, channel: &Channel) -> Result<Self, Obstacle> {
         let frames = open_frames(node, channel)?;
         // First the listener: whatever the subscriber gets, an event tells of it.
-        let listener = channel
-            .events(node)?
-            .listener_builder()
-            .create()
-            .map_err(|error| Obstacle::listener(error, channel))?;
+        let listener = channel.listener(node)?;
         let subscriber =
             frames.subscriber_builder().create().map_err(|error| Obstacle::subscriber(error, channel))?;
         Ok(Self { subscriber, listener, frames, channel: channel.clone() })

@@ -58,13 +58,7 @@ impl ReportPublisher {
             .max_loaned_samples(channel.limits().loans)
             .create()
             .map_err(|error| Obstacle::publisher(error, channel))?;
-        let notifier = channel
-            .events(node)?
-            .notifier_builder()
-            .create()
-            .map_err(|error| Obstacle::notifier(error, channel))?;
-        // Readers connect when they look; this makes them look.
-        let _ = notifier.notify();
+        let notifier = channel.notifier(node)?;
         Ok(Self { notifier, publisher, reports, channel: channel.clone(), readers: Cell::default() })
     }
 
@@ -134,11 +128,7 @@ impl ReportReader {
     fn try_open(node: &Node, channel: &Channel) -> Result<Self, Obstacle> {
         let reports = open_reports(node, channel)?;
         // First the listener: whatever the subscriber gets, an event tells of it.
-        let listener = channel
-            .events(node)?
-            .listener_builder()
-            .create()
-            .map_err(|error| Obstacle::listener(error, channel))?;
+        let listener = channel.listener(node)?;
         let subscriber =
             reports.subscriber_builder().create().map_err(|error| Obstacle::subscriber(error, channel))?;
         Ok(Self { subscriber, listener, reports, channel: channel.clone() })

@@ -1,5 +1,7 @@
 //! `kinds record`: what went through shared memory is a trip again.
 
+#![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
+
 use std::process::Command;
 
 use kinds_driver_shim::simulated::{Crunch, Floor, Robot as _};
