@@ -19,6 +19,9 @@ const TICK: Duration = Duration::from_millis(50);
 /// How often everything is handed to the system: what a crash can take.
 const FLUSH_PERIOD: Duration = Duration::from_secs(1);
 
+/// Silence of a service that ends the wait for its report on the last frame.
+const SILENCE: Duration = Duration::from_secs(2);
+
 /// How often what killed programs left is looked for.
 const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
 
@@ -44,13 +47,18 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     loop {
         // Read before recording: what was sent before the flag was set is recorded.
         let stopping = stop.load(Ordering::Relaxed);
+        // Reports before frames: whoever reported had been sent the frame, so it is here when its report is written.
+        let mut reported = Vec::new();
+        while let Some(report) = reports.receive()? {
+            reported.push(report);
+        }
         while recording.n_frames < n_frames_max
             && let Some(frame) = frames.receive()?
         {
             recording.add_frame(&frame)?;
         }
-        while let Some(report) = reports.receive()? {
-            recording.add_report(&report)?;
+        for report in &reported {
+            recording.add_report(report)?;
         }
         if stopping || recording.is_complete(n_frames_max, reports.service().is_some()) {
             break;
@@ -85,6 +93,8 @@ struct Recording {
     /// Of the last frame: its run, and its number in it.
     last_frame: Option<(u64, u64)>,
     last_report: Option<(u64, u64)>,
+    /// When the last frame or report was written.
+    last_written: Instant,
 }
 
 impl Recording {
@@ -97,6 +107,7 @@ impl Recording {
             layout: None,
             last_frame: None,
             last_report: None,
+            last_written: Instant::now(),
         }
     }
 
@@ -130,6 +141,7 @@ impl Recording {
             self.n_lost += header.sequence.saturating_sub(sequence).saturating_sub(1);
         }
         self.n_frames += 1;
+        self.last_written = Instant::now();
         Ok(())
     }
 
@@ -141,6 +153,7 @@ impl Recording {
             return Ok(());
         }
         self.last_report = Some((report.run, report.sequence));
+        self.last_written = Instant::now();
         if report.status() == ReportStatus::Classified {
             self.writer.write_numbers("/kinds", Stamp(report.captured_ns), "kind", report.probabilities())?;
             self.n_reports += 1;
@@ -148,9 +161,11 @@ impl Recording {
         Ok(())
     }
 
-    /// Whether all frames that were asked for are there, and the report on the last of them if somebody will report.
+    /// Whether all frames that were asked for are there, and the report on the last of them if somebody reports.
     fn is_complete(&self, n_frames_max: u64, is_served: bool) -> bool {
-        self.n_frames >= n_frames_max && (!is_served || self.last_report >= self.last_frame)
+        let awaits_report =
+            is_served && self.last_report != self.last_frame && self.last_written.elapsed() < SILENCE;
+        self.n_frames >= n_frames_max && !awaits_report
     }
 
     fn end(self, path: &Path) -> Result<String, Failure> {

@@ -72,6 +72,23 @@ fn a_signal_completes_the_trip_that_is_being_recorded() {
 }
 
 #[test]
+fn a_service_that_does_not_report_does_not_keep_a_recording_from_its_end() {
+    let robot = Robot::trained();
+    Trip { n_readings: 8, n_frames: 20, ..Trip::SECOND }.write(&robot.path("eight.mcap"));
+    // It understands 16 readings, and refuses these.
+    let service = robot.serve();
+    let recorder = record(&robot, &["--count", "20"]);
+    let shim = robot.publish("eight.mcap", "5");
+    let outcome = recorder.end();
+    assert_eq!(
+        outcome.stdout, "recorded 20 frames and 0 reports into recorded.mcap; 0 frames lost\n",
+        "{outcome:?}"
+    );
+    shim.stop(Signal::TERM);
+    service.stop(Signal::TERM);
+}
+
+#[test]
 fn what_cannot_be_recorded_is_a_sentence_and_leaves_no_file() {
     let robot = Robot::trained();
     let record = ["record", "--sensor", SENSOR, "--output"];
