@@ -1,13 +1,14 @@
 //! Model files on disk: opened by memory map, written whole or not at all.
 
-use std::fs::{File, Permissions};
-use std::io::{self, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use bytes::Bytes;
 use kinds_model::{Model, ModelFileError, file};
 use memmap2::Mmap;
+
+use crate::whole_file::{self, folder_of, temporary_beside};
 
 /// Why a model file cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -55,41 +56,16 @@ pub(crate) fn check_writable(path: &Path) -> Result<(), ModelFailure> {
     if !folder.is_dir() {
         return Err(ModelFailure::NoFolder { path: path.to_path_buf(), folder: folder.to_path_buf() });
     }
-    // The kind alone: the error names the temporary file.
-    temporary_beside(path).map(drop).map_err(|error| unwritable(path, error.kind().into()))
+    temporary_beside(path).map(drop).map_err(|error| unwritable(path, error))
 }
 
-/// Writes a model under a temporary name and renames it when it is whole and on disk. Returns its length in bytes.
+/// Writes a model, whole or not at all. Returns its length in bytes.
 pub(crate) fn write(path: &Path, model: &Model) -> Result<usize, ModelFailure> {
     let bytes = file::to_bytes(model);
-    write_bytes(path, &bytes).map_err(|error| unwritable(path, error))?;
+    whole_file::write(path, &bytes).map_err(|error| unwritable(path, error))?;
     Ok(bytes.len())
-}
-
-fn write_bytes(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = temporary_beside(path)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(path).map_err(|error| error.error)?;
-    // The new name is in the folder, which is on disk when it has been synchronised too.
-    File::open(folder_of(path))?.sync_all()
 }
 
 fn unwritable(path: &Path, error: io::Error) -> ModelFailure {
     ModelFailure::Io { attempt: "write", path: path.to_path_buf(), error }
-}
-
-fn temporary_beside(path: &Path) -> io::Result<tempfile::NamedTempFile> {
-    // Readable by whom the umask allows: the service may run as another user than who trains.
-    tempfile::Builder::new()
-        .prefix(".kinds-")
-        .permissions(Permissions::from_mode(0o666))
-        .tempfile_in(folder_of(path))
-}
-
-fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    }
 }

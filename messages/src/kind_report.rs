@@ -16,6 +16,16 @@ pub enum ReportStatus {
     Invalid,
 }
 
+impl ReportStatus {
+    /// Its name in tables and for scripts.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Classified => "classified",
+            Self::Invalid => "invalid",
+        }
+    }
+}
+
 /// Kind probabilities of one frame, with all that is needed to tell which frame, by which model and how fast.
 ///
 /// Fixed size, no pointers, no padding; offsets are asserted below. Probabilities and coordinates are read through

@@ -94,14 +94,13 @@ pub fn fit(
     fit_frames(frames, response, plan, origin, progress)
 }
 
-/// Fits another model to the reference frames of one, with the same response.
+/// Fits a model by a method to the reference frames of another, with all else as that one's plan has it.
 ///
 /// # Errors
 /// As [`fit`].
-pub fn refit(model: &Model, plan: &FitPlan, progress: &mut Progress) -> Result<Model, FitError> {
+pub fn refit(model: &Model, method: Method, progress: &mut Progress) -> Result<Model, FitError> {
+    let plan = FitPlan { method, ..model.manifest().plan.clone() };
     let origin = model.manifest().provenance.origin.clone();
-    let plan =
-        FitPlan { response: model.manifest().plan.response.clone(), sensor: model.layout(), ..plan.clone() };
     fit_frames(model.frames().clone(), model.response().clone(), &plan, origin, progress)
 }
 

@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use kinds_messages::{Domain, KindReport, Node, OwnDomain, SensorName};
+use kinds_messages::{Domain, KindReport, Node, SensorName};
 use kinds_trainer::{Config, EvaluationPlan, Trained};
 use kinds_trips::Selection;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::cli::DemoArguments;
-use crate::commands::{evaluate, train, watch};
+use crate::commands::{evaluate, own_domain, train, watch};
 use crate::failure::Failure;
-use crate::{csv, model_file, stop};
+use crate::{csv, model_file, stop, whole_file};
 
 /// The made-up pair of trips; `demo/README.md` says how it was made.
 const TRIP1: &[u8] = include_bytes!("../../demo/trip1.mcap");
@@ -77,8 +77,7 @@ fn learn(trip: &Path, model_path: &Path) -> Result<(), Failure> {
 /// Runs service and shim as processes in a domain of their own, and returns every report on the trip.
 fn serve_and_watch(model: &Path, trip: &Path, stop: &AtomicBool) -> Result<Vec<KindReport>, Failure> {
     // Declared first, so that it goes last.
-    let domain = OwnDomain::make()
-        .map_err(|error| Failure::CouldNot(format!("cannot make a temporary folder: {error}")))?;
+    let domain = own_domain()?;
     let sensor: SensorName = SENSOR.parse().expect("the name is as it should be");
     let mut watched = watch::Reports::open(Node::open(&domain, "kinds-demo")?, &sensor)?;
     let mut service = Process::start(&domain, "serve", &["--model".as_ref(), model.as_os_str()])?;
@@ -164,7 +163,7 @@ fn table(reports: &[KindReport]) -> Vec<u8> {
 
 fn write_file(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf, Failure> {
     let path = folder.join(name);
-    std::fs::write(&path, bytes).map_err(|error| Failure::file("write", &path, &error))?;
+    whole_file::write(&path, bytes).map_err(|error| Failure::file("write", &path, &error))?;
     Ok(path)
 }
 

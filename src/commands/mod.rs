@@ -9,3 +9,12 @@ pub(crate) mod replay;
 pub(crate) mod serve;
 pub(crate) mod train;
 pub(crate) mod watch;
+
+use kinds_messages::OwnDomain;
+
+use crate::failure::Failure;
+
+/// A domain for programs that nobody else is to meet.
+fn own_domain() -> Result<OwnDomain, Failure> {
+    OwnDomain::make().map_err(|error| Failure::CouldNot(format!("cannot make a temporary folder: {error}")))
+}

@@ -9,16 +9,15 @@ use std::thread;
 use std::time::Duration;
 
 use kinds_driver_shim::{Flow, Pace, Reading, Replay, Sensor, SensorError, Shim};
-use kinds_messages::{
-    ChannelError, Domain, KindReport, Node, OwnDomain, ReportReader, ReportStatus, SensorName,
-};
+use kinds_messages::{ChannelError, Domain, KindReport, Node, ReportReader, SensorName};
 use kinds_model::{Classifier, Model};
 use kinds_service::Service;
 use kinds_trips::{FrameLayout, TripReader};
 
 use crate::cli::ReplayArguments;
+use crate::commands::own_domain;
 use crate::failure::Failure;
-use crate::{csv, model_file, stop};
+use crate::{csv, model_file, stop, whole_file};
 
 /// Frames that differ which are shown in full.
 const N_SHOWN: usize = 5;
@@ -36,7 +35,8 @@ pub(crate) fn run(arguments: &ReplayArguments) -> Result<(), Failure> {
     let found = Outcome::of(&reports);
     println!("replayed {} frames of {} with model {}", reports.len(), arguments.trip.display(), model.id());
     if let Some(path) = &arguments.bless {
-        std::fs::write(path, found.text()).map_err(|error| Failure::file("write", path, &error))?;
+        whole_file::write(path, found.text().as_bytes())
+            .map_err(|error| Failure::file("write", path, &error))?;
         println!("wrote {}", path.display());
     }
     match expected {
@@ -50,8 +50,7 @@ pub(crate) fn run(arguments: &ReplayArguments) -> Result<(), Failure> {
 /// Shim, shared memory and service are those of a robot, each end with its own node; only that both run here, in two
 /// threads, so that a debugger sees all of it.
 fn replay(trip: TripReader, model: Arc<Model>, stop: &AtomicBool) -> Result<Vec<KindReport>, Failure> {
-    let domain = OwnDomain::make()
-        .map_err(|error| Failure::CouldNot(format!("cannot make a temporary folder: {error}")))?;
+    let domain = own_domain()?;
     let sensor: SensorName = "replay/trip".parse().expect("the name is as it should be");
     let all_published = AtomicBool::new(false);
     thread::scope(|scope| {
@@ -176,14 +175,13 @@ impl Outcome {
         let mut moves: BTreeMap<(&str, &str), usize> = BTreeMap::new();
         for (shown, sequence) in different.iter().enumerate() {
             let [old, new] = [self, found].map(|outcome| outcome.frames.get(sequence));
-            let kind = |frame: Option<&'_ (String, String)>| frame.map(|(kind, _)| kind.clone());
             if shown < N_SHOWN {
                 for (sign, frame) in [("-", old), ("+", new)] {
                     println!("{sign} {}", frame.map_or("no such frame", |(_, line)| line));
                 }
             }
-            if kind(old) != kind(new) {
-                let [old, new] = [old, new].map(|frame| frame.map_or("none", |(kind, _)| kind.as_str()));
+            let [old, new] = [old, new].map(|frame| frame.map_or("none", |(kind, _)| kind.as_str()));
+            if old != new {
                 *moves.entry((old, new)).or_default() += 1;
             }
         }
@@ -200,11 +198,7 @@ impl Outcome {
 }
 
 fn line(report: &KindReport) -> String {
-    let status = match report.status() {
-        ReportStatus::Classified => "classified",
-        ReportStatus::Invalid => "invalid",
-    };
-    let (sequence, kind) = (report.sequence, report.kind);
+    let (sequence, status, kind) = (report.sequence, report.status().name(), report.kind);
     let (novelty, log_likelihood) = (csv::number(report.novelty), csv::number(report.log_likelihood));
     let probabilities = csv::probabilities(report.probabilities());
     format!("{sequence},{status},{kind},{novelty},{log_likelihood}{probabilities}")

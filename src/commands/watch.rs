@@ -115,10 +115,7 @@ fn json_line(report: &KindReport) -> String {
         kind: report.kind,
         probabilities: report.probabilities(),
         log_likelihood: report.log_likelihood,
-        status: match report.status() {
-            ReportStatus::Classified => "classified",
-            ReportStatus::Invalid => "invalid",
-        },
+        status: report.status().name(),
         latency_ns: latency_ns(report),
     };
     serde_json::to_string(&line).expect("a report is plain data")

@@ -146,8 +146,8 @@ pub fn evaluate(
     }
     let (first, second) = (Placed::of(first)?, Placed::of(second)?);
     let revisits = Revisits::find(&first.places, &second.places, plan.radius_m);
-    let fit_plan = model.manifest().plan.clone();
-    let (n_dims, n_kinds) = (fit_plan.n_dims, fit_plan.em.n_kinds);
+    let FitPlan { method, n_dims, ref em, .. } = model.manifest().plan;
+    let n_kinds = em.n_kinds;
     let score = |n_dims, kinds: &[Vec<usize>; 2]| {
         score(&revisits, n_dims, n_kinds, kinds, plan.share).ok_or_else(|| EvaluateError::NeverMeet {
             first: first.trip.path.clone(),
@@ -161,11 +161,11 @@ pub fn evaluate(
         |placed: &Placed| (0..placed.frames.len()).map(|_| random.random_range(0..n_kinds)).collect();
     let random = score(0, &[draw(&first), draw(&second)])?;
 
-    let (other, name) = match fit_plan.method {
+    let (other, name) = match method {
         Method::Isomap => (Method::Pca, "principal components"),
         Method::Pca => (Method::Isomap, "Isomap"),
     };
-    let other = refit(&model, &FitPlan { method: other, ..fit_plan.clone() }, &mut fitting(progress))
+    let other = refit(&model, other, &mut fitting(progress))
         .map_err(|error| EvaluateError::Refit { method: name, error })?;
     let n_frames = 2 * (first.frames.len() + second.frames.len()) as u64;
     let mut n_done = 0;
@@ -177,7 +177,7 @@ pub fn evaluate(
         let mut classifier = Classifier::new(Arc::new(model));
         [&first, &second].map(|placed| placed.kinds(&mut classifier, &mut classified))
     });
-    if fit_plan.method == Method::Pca {
+    if method == Method::Pca {
         by_method.reverse();
     }
     let [isomap, pca] = by_method;

@@ -1,0 +1,33 @@
+//! Files that are written whole or not at all.
+
+use std::fs::{File, Permissions};
+use std::io::{self, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+use tempfile::NamedTempFile;
+
+/// Writes under a temporary name, and renames when all is on disk.
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = temporary_beside(path)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(path).map_err(|error| error.error)?;
+    // The new name is in the folder, which is on disk when it has been synchronised too.
+    File::open(folder_of(path))?.sync_all()
+}
+
+pub(crate) fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
+    // Readable by whom the umask allows: who reads a file may be another user than who writes it.
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".kinds-").permissions(Permissions::from_mode(0o666));
+    // The kind alone: the error names the temporary file, which nobody has asked for.
+    builder.tempfile_in(folder_of(path)).map_err(|error| error.kind().into())
+}
+
+pub(crate) fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
