@@ -13,6 +13,7 @@ mod failure;
 mod model_file;
 mod progress;
 mod stop;
+mod trip_file;
 mod whole_file;
 
 use std::io::IsTerminal;

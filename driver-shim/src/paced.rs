@@ -75,7 +75,7 @@ impl Source for TripReader {
         let frame = self.next_frame(counts)?;
         Ok(frame.map(|frame| {
             let pose = frame.pose.map(|pose| Pose { x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad });
-            Capture { captured: frame.captured, pose, command: None }
+            Capture { captured: frame.captured, pose, command: None, true_pose: None }
         }))
     }
 }
@@ -187,7 +187,9 @@ mod tests {
         let (_, counts, capture) = &frames[2];
         assert_eq!(counts, &[1020, 2020, 3020]);
         let pose = Pose { x_m: 2.0, y_m: 0.5, yaw_rad: 0.25 };
-        let &Capture { captured, pose: Some(found), command: None } = capture else { panic!("{capture:?}") };
+        let &Capture { captured, pose: Some(found), command: None, true_pose: None } = capture else {
+            panic!("{capture:?}")
+        };
         assert_eq!(captured, Stamp(10_130_000_000));
         // The heading has been through a quaternion and back.
         assert_eq!((found.x_m, found.y_m), (pose.x_m, pose.y_m));

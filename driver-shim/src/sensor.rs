@@ -40,6 +40,8 @@ pub struct Capture {
     pub pose: Option<Pose>,
     /// What the robot had been told to do, where it knew.
     pub command: Option<Command>,
+    /// Where the robot truly was, where the device need not guess: a simulated robot's.
+    pub true_pose: Option<Pose>,
 }
 
 /// Why a device cannot go on.

@@ -99,10 +99,10 @@ impl<S: Sensor> Shim<S> {
         let mut loan = self.frames.loan()?;
         let header = loop {
             match self.device.read(loan.counts_mut(), TICK)? {
-                Reading::Frame(Capture { captured, pose, command }) => {
+                Reading::Frame(Capture { captured, pose, command, true_pose }) => {
                     let captured_ns = captured.0;
                     let header = FrameHeader { sequence: self.n_frames, captured_ns, ..self.header };
-                    break header.with_pose(pose).with_command(command);
+                    break header.with_pose(pose).with_command(command).with_true_pose(true_pose);
                 }
                 Reading::NotYet if stop.load(Ordering::Relaxed) => return Ok(Published::Stopped),
                 Reading::NotYet => {

@@ -16,6 +16,7 @@ use crate::{Capture, FOLLOW_WINDOW, Flow, Notice, Reading, Sensor, SensorError, 
 const DEADLINE: Duration = Duration::from_secs(20);
 const LAYOUT: FrameLayout = FrameLayout { rows: 2, columns: 3, metres_per_count: 0.002 };
 const POSE: Pose = Pose { x_m: 1.0, y_m: 2.0, yaw_rad: 0.5 };
+const TRUE_POSE: Pose = Pose { x_m: 1.1, y_m: 2.2, yaw_rad: 0.6 };
 const COMMAND: Command = Command { forward_m_s: 0.2, turn_rad_s: 0.1 };
 
 /// Counts frames: each holds its number, plus one, in every reading.
@@ -42,7 +43,12 @@ impl Sensor for Counter {
         self.next += 1;
         counts.fill(self.next as u16);
         let captured = Stamp(self.next as i64);
-        Ok(Reading::Frame(Capture { captured, pose: Some(POSE), command: Some(COMMAND) }))
+        Ok(Reading::Frame(Capture {
+            captured,
+            pose: Some(POSE),
+            command: Some(COMMAND),
+            true_pose: Some(TRUE_POSE),
+        }))
     }
 }
 
@@ -179,6 +185,7 @@ fn frames_of_a_device_are_numbered_and_say_all_that_is_known() {
         assert_eq!((header.sequence, header.captured_ns), (sequence, sequence as i64 + 1));
         assert_eq!((header.rows, header.columns, header.metres_per_count), (2, 3, 0.002));
         assert_eq!((header.known_pose(), header.known_command()), (Some(POSE), Some(COMMAND)));
+        assert_eq!(header.known_true_pose(), Some(TRUE_POSE));
         assert!((wall..=ns_since_epoch() as u64).contains(&header.run));
         assert!((monotonic..=monotonic_ns()).contains(&header.sent_monotonic_ns));
     }

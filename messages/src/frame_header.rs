@@ -38,7 +38,7 @@ pub struct Command {
 pub struct FrameHeader {
     /// [`FrameHeader::VERSION`] of the program that wrote this.
     pub version: u32,
-    /// [`FrameHeader::HAS_POSE`] and [`FrameHeader::HAS_COMMAND`], or-ed.
+    /// [`FrameHeader::HAS_POSE`], [`FrameHeader::HAS_COMMAND`] and [`FrameHeader::HAS_TRUE_POSE`], or-ed.
     pub flags: u32,
     /// Start of the publishing driver shim, ns since the epoch. Identifies a run, within which `sequence` counts; it
     /// is compared for equality only, since the wall clock may be set between two runs.
@@ -59,6 +59,10 @@ pub struct FrameHeader {
     pub pose: Pose,
     /// Meaningful with [`FrameHeader::HAS_COMMAND`]; read it through [`FrameHeader::known_command`].
     pub command: Command,
+    /// Where the robot was, told by somebody who need not guess: a simulation, a tracking system. For judging kinds and
+    /// poses, never for making them. Meaningful with [`FrameHeader::HAS_TRUE_POSE`]; read it through
+    /// [`FrameHeader::known_true_pose`].
+    pub true_pose: Pose,
 }
 
 const _: () = {
@@ -74,7 +78,8 @@ const _: () = {
     assert!(offset_of!(FrameHeader, columns) == 52);
     assert!(offset_of!(FrameHeader, pose) == 56);
     assert!(offset_of!(FrameHeader, command) == 80);
-    assert!(size_of::<FrameHeader>() == 96);
+    assert!(offset_of!(FrameHeader, true_pose) == 96);
+    assert!(size_of::<FrameHeader>() == 120);
     assert!(size_of::<Pose>() == 24);
     assert!(size_of::<Command>() == 16);
 };
@@ -86,6 +91,8 @@ impl FrameHeader {
     pub const HAS_POSE: u32 = 1;
     /// The robot knew what it had been told to do.
     pub const HAS_COMMAND: u32 = 2;
+    /// Somebody knew where the robot truly was.
+    pub const HAS_TRUE_POSE: u32 = 4;
 
     /// This header with a pose, or without.
     pub fn with_pose(mut self, pose: Option<Pose>) -> Self {
@@ -101,6 +108,13 @@ impl FrameHeader {
         self
     }
 
+    /// This header with a true pose, or without.
+    pub fn with_true_pose(mut self, true_pose: Option<Pose>) -> Self {
+        self.set_flag(Self::HAS_TRUE_POSE, true_pose.is_some());
+        self.true_pose = true_pose.unwrap_or_default();
+        self
+    }
+
     /// The pose, where the robot knew it.
     pub fn known_pose(&self) -> Option<Pose> {
         (self.flags & Self::HAS_POSE != 0).then_some(self.pose)
@@ -109,6 +123,11 @@ impl FrameHeader {
     /// The command, where the robot knew it.
     pub fn known_command(&self) -> Option<Command> {
         (self.flags & Self::HAS_COMMAND != 0).then_some(self.command)
+    }
+
+    /// The true pose, where somebody knew it.
+    pub fn known_true_pose(&self) -> Option<Pose> {
+        (self.flags & Self::HAS_TRUE_POSE != 0).then_some(self.true_pose)
     }
 
     fn set_flag(&mut self, flag: u32, on: bool) {
@@ -131,6 +150,7 @@ impl Default for FrameHeader {
             columns: 0,
             pose: Pose::default(),
             command: Command::default(),
+            true_pose: Pose::default(),
         }
     }
 }
@@ -140,13 +160,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pose_and_command_are_known_only_when_given() {
+    fn poses_and_command_are_known_only_when_given() {
         let pose = Pose { x_m: 1.0, y_m: 2.0, yaw_rad: 0.5 };
+        let true_pose = Pose { x_m: 1.1, ..pose };
         let command = Command { forward_m_s: 0.2, turn_rad_s: -0.1 };
         let neither = FrameHeader::default();
         assert_eq!((neither.known_pose(), neither.known_command()), (None, None));
         let both = neither.with_pose(Some(pose)).with_command(Some(command));
         assert_eq!((both.known_pose(), both.known_command()), (Some(pose), Some(command)));
+        assert_eq!(both.known_true_pose(), None);
+        let all = both.with_true_pose(Some(true_pose));
+        assert_eq!((all.known_pose(), all.known_true_pose()), (Some(pose), Some(true_pose)));
         assert_eq!(both.with_pose(None).known_pose(), None);
         assert_eq!(both.with_pose(None).known_command(), Some(command));
     }

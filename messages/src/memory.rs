@@ -67,8 +67,8 @@ mod tests {
 
     #[test]
     fn documented_sizes_are_right() {
-        assert_eq!(frames_memory_bytes(16), 559_088);
-        assert_eq!(frames_memory_bytes(19840), 6_308_048);
+        assert_eq!(frames_memory_bytes(16), 562_568);
+        assert_eq!(frames_memory_bytes(19840), 6_311_528);
         assert_eq!(reports_memory_bytes(), 4_621_248);
     }
 

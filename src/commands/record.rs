@@ -4,14 +4,14 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use kinds_driver_shim::Capture;
 use kinds_messages::{Frame, FrameHeader, FrameReader, KindReport, Node, ReportReader, ReportStatus};
-use kinds_trips::{
-    FrameLayout, Image, ImageEncoding, Pose, Stamp, TripWriteError, TripWriter, WriterOptions,
-};
+use kinds_trips::{FrameLayout, Stamp, TripWriteError};
 
 use crate::cli::RecordArguments;
 use crate::failure::Failure;
 use crate::stop;
+use crate::trip_file::TripFile;
 
 /// Longest time between two looks at the stop flag.
 const TICK: Duration = Duration::from_millis(50);
@@ -34,7 +34,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
         )));
     }
     let stop = stop::on_signals()?;
-    let mut recording = Recording::begin(TripWriter::create(path, &WriterOptions::default())?);
+    let mut recording = Recording::begin(TripFile::create(path)?);
     let node = Node::open(&arguments.domain.domain(), "kinds-record")?;
     // Both before the first frame can come: its report must find a reader.
     let reports = ReportReader::open(&node, sensor)?;
@@ -64,7 +64,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
             break;
         }
         if last_flush.elapsed() >= FLUSH_PERIOD {
-            recording.writer.flush()?;
+            recording.file.flush()?;
             last_flush = Instant::now();
         }
         if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
@@ -85,7 +85,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
 
 /// A trip being recorded. Dropped before its end, it leaves nothing behind.
 struct Recording {
-    writer: TripWriter,
+    file: TripFile,
     n_frames: u64,
     n_reports: u64,
     n_lost: u64,
@@ -98,9 +98,9 @@ struct Recording {
 }
 
 impl Recording {
-    fn begin(writer: TripWriter) -> Self {
+    fn begin(file: TripFile) -> Self {
         Self {
-            writer,
+            file,
             n_frames: 0,
             n_reports: 0,
             n_lost: 0,
@@ -111,7 +111,6 @@ impl Recording {
         }
     }
 
-    /// Frames are written as depth images, which keep counts as they are. A ring is an image of few rows.
     fn add_frame(&mut self, frame: &Frame) -> Result<(), Failure> {
         let header = frame.header();
         let layout = layout_of(header);
@@ -121,20 +120,13 @@ impl Recording {
                 "cannot record frames of {layout} after frames of {expected}: one trip is of one sensor"
             )));
         }
-        let at = Stamp(header.captured_ns);
-        // Millimetres are whole numbers in a message; every other unit goes as metres.
-        let is_millimetre = layout.metres_per_count == 0.001;
-        let encoding = if is_millimetre { ImageEncoding::Millimetres } else { ImageEncoding::Metres };
-        let image =
-            Image { counts: frame.counts(), layout, encoding, big_endian: false, row_padding_bytes: 0 };
-        if let Some(pose) = header.known_pose() {
-            let pose = Pose { x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad };
-            self.writer.write_odometry("/odom", at, &pose)?;
-        }
-        if let Some(command) = header.known_command() {
-            self.writer.write_command("/cmd_vel", at, command.forward_m_s, command.turn_rad_s)?;
-        }
-        self.writer.write_image("/frames", at, &image)?;
+        let capture = Capture {
+            captured: Stamp(header.captured_ns),
+            pose: header.known_pose(),
+            command: header.known_command(),
+            true_pose: header.known_true_pose(),
+        };
+        self.file.add_frame(layout, frame.counts(), &capture)?;
         if let Some((run, sequence)) = self.last_frame.replace((header.run, header.sequence))
             && run == header.run
         {
@@ -155,7 +147,7 @@ impl Recording {
         self.last_report = Some((report.run, report.sequence));
         self.last_written = Instant::now();
         if report.status() == ReportStatus::Classified {
-            self.writer.write_numbers("/kinds", Stamp(report.captured_ns), "kind", report.probabilities())?;
+            self.file.add_kinds(Stamp(report.captured_ns), report.probabilities())?;
             self.n_reports += 1;
         }
         Ok(())
@@ -173,7 +165,7 @@ impl Recording {
             return Err(Failure::CouldNot(format!("no frame came, so {} was not written", path.display())));
         }
         let (n_frames, n_reports, n_lost) = (self.n_frames, self.n_reports, self.n_lost);
-        self.writer.finish()?;
+        self.file.finish()?;
         let path = path.display();
         Ok(format!("recorded {n_frames} frames and {n_reports} reports into {path}; {n_lost} frames lost"))
     }

@@ -9,7 +9,7 @@ use rustix::process::Signal;
 
 use crate::robot::{Robot, SECOND, SENSOR};
 use crate::running::Running;
-use crate::world::{Trip, read_trip};
+use crate::world::{Trip, read_trip, read_trip_by};
 
 const RECORDED: &str = "recorded.mcap";
 
@@ -63,11 +63,16 @@ fn a_signal_completes_the_trip_that_is_being_recorded() {
     shim.stop(Signal::TERM);
     let mut crunch = Crunch::new(Floor::Fourth, 1, 0);
     let mut expected = vec![0; crunch.layout().n_readings()];
-    let recorded = read_trip(&robot.path(RECORDED));
-    assert!(recorded.len() > 5);
-    for (found, counts) in recorded {
+    let [believed, true_poses] =
+        [None, Some("/ground_truth")].map(|topic| read_trip_by(&robot.path(RECORDED), topic));
+    assert!(believed.len() > 5);
+    for ((by_odometry, counts), (by_truth, _)) in believed.into_iter().zip(true_poses) {
         let moment = crunch.step(&mut expected).unwrap();
-        assert_eq!((found.captured, counts), (moment.captured, expected.clone()));
+        assert_eq!((by_odometry.captured, counts), (moment.captured, expected.clone()));
+        for (found, expected) in [(by_odometry, moment.odometry), (by_truth, moment.true_pose)] {
+            let found = found.pose.unwrap();
+            assert_eq!((found.x_m, found.y_m), (expected.x_m, expected.y_m));
+        }
     }
 }
 
@@ -110,20 +115,14 @@ fn what_cannot_be_recorded_is_a_sentence_and_leaves_no_file() {
     assert!(robot.files() == before);
 }
 
-#[test]
-fn rosbags_reads_what_was_recorded() {
+/// What rosbags says of a recording: topics, types, counts; and that kinds are probabilities, and images whole. Nothing
+/// where Python has no rosbags.
+fn told_by_rosbags(robot: &Robot) -> Option<String> {
     let has_rosbags = Command::new("python3").args(["-c", "import rosbags.highlevel"]).output();
     if !has_rosbags.is_ok_and(|probe| probe.status.success()) {
         eprintln!("skipped: python3 has no package rosbags");
-        return;
+        return None;
     }
-    let robot = Robot::trained();
-    let service = robot.serve();
-    let recorder = record(&robot, &["--count", "20"]);
-    let shim = robot.publish(SECOND, "5");
-    assert_eq!(recorder.end().code, Some(0));
-    shim.stop(Signal::TERM);
-    service.stop(Signal::TERM);
     let script = "
 import sys
 from pathlib import Path
@@ -136,11 +135,47 @@ with AnyReader([Path(sys.argv[1])], default_typestore=get_typestore(Stores.ROS2_
         message = bag.deserialize(raw, connection.msgtype)
         if connection.topic == '/kinds':
             assert abs(sum(message.data) - 1) < 1e-9 and message.layout.dim[0].size == len(message.data)
+        if connection.topic == '/frames':
+            assert message.encoding == '16UC1' and len(message.data) == 2 * message.height * message.width
 ";
     let output = Command::new("python3").args(["-c", script]).arg(robot.path(RECORDED)).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Some(String::from_utf8(output.stdout).unwrap())
+}
+
+#[test]
+fn rosbags_reads_what_was_recorded() {
+    let robot = Robot::trained();
+    let service = robot.serve();
+    let recorder = record(&robot, &["--count", "20"]);
+    let shim = robot.publish(SECOND, "5");
+    assert_eq!(recorder.end().code, Some(0));
+    shim.stop(Signal::TERM);
+    service.stop(Signal::TERM);
+    let Some(told) = told_by_rosbags(&robot) else { return };
     assert_eq!(
-        String::from_utf8_lossy(&output.stdout),
+        told,
         "/frames sensor_msgs/msg/Image 20\n/kinds std_msgs/msg/Float64MultiArray 20\n/odom nav_msgs/msg/Odometry 20\n"
     );
+}
+
+#[test]
+fn rosbags_reads_the_trips_of_simulated_robots_with_the_truth_beside_odometry() {
+    for simulated in ["crunch", "chew"] {
+        let robot = Robot::new();
+        let recorder = record(&robot, &["--count", "15"]);
+        let shim = robot.start(&["publish", "--simulate", simulated, "--sensor", SENSOR, "--speed", "2"]);
+        let outcome = recorder.end();
+        assert_eq!(
+            outcome.stdout, "recorded 15 frames and 0 reports into recorded.mcap; 0 frames lost\n",
+            "{outcome:?}"
+        );
+        shim.stop(Signal::TERM);
+        let Some(told) = told_by_rosbags(&robot) else { return };
+        assert_eq!(
+            told,
+            "/cmd_vel geometry_msgs/msg/TwistStamped 15\n/frames sensor_msgs/msg/Image 15\n\
+             /ground_truth geometry_msgs/msg/PoseStamped 15\n/odom nav_msgs/msg/Odometry 15\n"
+        );
+    }
 }

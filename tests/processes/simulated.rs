@@ -23,6 +23,7 @@ fn check(arguments: &[&str], mut here: Box<dyn Simulated>) {
         assert_eq!(frame.header().captured_ns, moment.captured.0);
         assert_eq!(frame.header().known_pose(), Some(moment.odometry));
         assert_eq!(frame.header().known_command(), Some(moment.command));
+        assert_eq!(frame.header().known_true_pose(), Some(moment.true_pose));
         assert_eq!(frame.counts(), expected);
     }
     shim.stop(rustix::process::Signal::TERM);

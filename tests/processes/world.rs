@@ -140,7 +140,13 @@ fn noise(index: u64) -> f64 {
 
 /// A trip's frames: what is known of each, and its counts.
 pub(crate) fn read_trip(path: &Path) -> Vec<(FrameInfo, Vec<u16>)> {
-    let mut trip = TripReader::open(path, &Selection::default()).unwrap();
+    read_trip_by(path, None)
+}
+
+/// The same with poses from a topic that is named.
+pub(crate) fn read_trip_by(path: &Path, poses_topic: Option<&str>) -> Vec<(FrameInfo, Vec<u16>)> {
+    let selection = Selection { poses_topic: poses_topic.map(str::to_owned), ..Selection::default() };
+    let mut trip = TripReader::open(path, &selection).unwrap();
     let mut counts = vec![0; trip.layout().n_readings()];
     std::iter::from_fn(|| trip.next_frame(&mut counts).unwrap().map(|info| (info, counts.clone()))).collect()
 }

@@ -23,9 +23,17 @@ pub(crate) enum FrameType {
     Image,
 }
 
+/// How poses are encoded on a topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum PoseType {
+    Odometry,
+    PoseStamped,
+}
+
 pub(crate) const LASER_SCAN: &str = "sensor_msgs/msg/LaserScan";
 pub(crate) const IMAGE: &str = "sensor_msgs/msg/Image";
 pub(crate) const ODOMETRY: &str = "nav_msgs/msg/Odometry";
+pub(crate) const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
 pub(crate) const TWIST_STAMPED: &str = "geometry_msgs/msg/TwistStamped";
 pub(crate) const FLOAT64_MULTI_ARRAY: &str = "std_msgs/msg/Float64MultiArray";
 
@@ -34,14 +42,14 @@ impl Role {
     pub(crate) fn types(self) -> String {
         match self {
             Role::Frames => format!("{LASER_SCAN} or {IMAGE}"),
-            Role::Poses => ODOMETRY.to_owned(),
+            Role::Poses => format!("{ODOMETRY} or {POSE_STAMPED}"),
         }
     }
 
     fn is_given_by(self, topic: &Topic) -> bool {
         let fits = match self {
             Role::Frames => topic.frame_type().is_some(),
-            Role::Poses => topic.type_name == ODOMETRY,
+            Role::Poses => topic.pose_type().is_some(),
         };
         // A recorder lists topics that it subscribed to even if nothing came.
         fits && topic.message_encoding == "cdr" && topic.n_messages > 0
@@ -66,6 +74,14 @@ impl Topic {
         match self.type_name.as_str() {
             LASER_SCAN => Some(FrameType::LaserScan),
             IMAGE => Some(FrameType::Image),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn pose_type(&self) -> Option<PoseType> {
+        match self.type_name.as_str() {
+            ODOMETRY => Some(PoseType::Odometry),
+            POSE_STAMPED => Some(PoseType::PoseStamped),
             _ => None,
         }
     }
@@ -151,7 +167,8 @@ impl Catalogue {
     }
 }
 
-/// The topic for a role: the one named, or the only one that fits.
+/// The topic for a role: the one named, or the only one that fits. Where there is odometry, a pose on its own must be
+/// named: what stands beside odometry is a goal, a marker, or the truth to judge it by.
 ///
 /// `None` if none was named and none fits.
 pub(crate) fn choose(
@@ -163,8 +180,12 @@ pub(crate) fn choose(
     let path = path.to_owned();
     let named_topics: Vec<&Topic> =
         topics.iter().filter(|topic| named.is_none_or(|name| topic.name == name)).collect();
-    let candidates: Vec<&Topic> =
+    let mut candidates: Vec<&Topic> =
         named_topics.iter().copied().filter(|topic| role.is_given_by(topic)).collect();
+    let is_odometry = |topic: &&Topic| topic.pose_type() == Some(PoseType::Odometry);
+    if role == Role::Poses && candidates.iter().any(is_odometry) {
+        candidates.retain(is_odometry);
+    }
     match (candidates.as_slice(), named) {
         ([topic], _) => Ok(Some((*topic).clone())),
         ([], None) => Ok(None),

@@ -1,7 +1,8 @@
 //! Recorded trips: ROS 2 bags in MCAP, read and written.
 //!
 //! A *trip* is one `.mcap` file: frames of one range sensor (`sensor_msgs/msg/LaserScan`, or `sensor_msgs/msg/Image`
-//! as `16UC1` or `32FC1`) and, where the robot knew them, poses (`nav_msgs/msg/Odometry`), encoded as CDR.
+//! as `16UC1` or `32FC1`) and, where the robot knew them, poses (`nav_msgs/msg/Odometry`, or
+//! `geometry_msgs/msg/PoseStamped` where there is no odometry or it is asked for by name), encoded as CDR.
 //!
 //! * [`TripReader`] turns it into *frames*: `u16` counts of a stated unit, each with its time of capture and the pose
 //!   at that time. Reading streams: memory does not grow with the length of the trip.

@@ -7,9 +7,9 @@
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
-use crate::catalogue::{FrameType, Topic};
+use crate::catalogue::{FrameType, PoseType, Topic};
 use crate::counts::Unit;
-use crate::message::{read_image, read_laser_scan, read_odometry};
+use crate::message::{read_image, read_laser_scan, read_pose};
 use crate::pose_track::PoseTrack;
 use crate::record::Record;
 use crate::{FrameInfo, FrameLayout, MessageFault, Stamp, TripError};
@@ -30,7 +30,7 @@ pub(crate) struct Lookahead {
     unit: Unit,
     frames: Topic,
     frame_type: FrameType,
-    poses: Option<Topic>,
+    poses: Option<(Topic, PoseType)>,
     layout: Option<FrameLayout>,
     waiting: VecDeque<Waiting>,
     /// Buffers of frames that were taken, for the next.
@@ -51,7 +51,7 @@ impl Lookahead {
         unit: Unit,
         frames: Topic,
         frame_type: FrameType,
-        poses: Option<Topic>,
+        poses: Option<(Topic, PoseType)>,
     ) -> Self {
         Self {
             path,
@@ -73,7 +73,7 @@ impl Lookahead {
     }
 
     pub(crate) fn poses_topic(&self) -> Option<&Topic> {
-        self.poses.as_ref()
+        self.poses.as_ref().map(|(topic, _)| topic)
     }
 
     /// The layout of all frames, once there was one.
@@ -101,12 +101,19 @@ impl Lookahead {
         let Record::Message { channel_id, log_time, data } = *record else { return Ok(()) };
         let logged = Stamp(i64::try_from(log_time).unwrap_or(i64::MAX));
         if self.frames.channel_ids.contains(&channel_id) {
-            self.accept_frame(data, logged)
-        } else if self.poses.as_ref().is_some_and(|poses| poses.channel_ids.contains(&channel_id)) {
-            self.accept_pose(data, logged)
-        } else {
-            Ok(())
+            return self.accept_frame(data, logged);
         }
+        let is_of = |poses: &&(Topic, PoseType)| poses.0.channel_ids.contains(&channel_id);
+        if let Some((topic, pose_type)) = self.poses.as_ref().filter(is_of) {
+            self.n_poses += 1;
+            let (at, pose) = read_pose(*pose_type, data)
+                .map_err(|fault| self.message_error(topic, self.n_poses, fault))?;
+            // Odometry that is lost says so with NaN: then there is no pose, and frames fare as in any other gap.
+            if let Some(pose) = pose {
+                self.track.insert(at.unwrap_or(logged), pose);
+            }
+        }
+        Ok(())
     }
 
     /// Takes the first frame, with the pose at its time.
@@ -143,19 +150,6 @@ impl Lookahead {
         }
         self.waiting.push_back(Waiting { captured: head.captured.unwrap_or(logged), counts });
         self.n_frames = number;
-        Ok(())
-    }
-
-    fn accept_pose(&mut self, data: &[u8], logged: Stamp) -> Result<(), TripError> {
-        self.n_poses += 1;
-        let (at, pose) = read_odometry(data).map_err(|fault| {
-            let topic = self.poses.as_ref().unwrap_or(&self.frames);
-            self.message_error(topic, self.n_poses, fault)
-        })?;
-        // Odometry that is lost says so with NaN: then there is no pose, and frames fare as in any other gap.
-        if let Some(pose) = pose {
-            self.track.insert(at.unwrap_or(logged), pose);
-        }
         Ok(())
     }
 
@@ -219,7 +213,7 @@ mod tests {
     /// Runs a trip whose odometry stops after its first message; the largest number of frames that waited.
     fn most_waiting(side: u32, n_frames: i32) -> usize {
         let unit = Unit::new(0.001).unwrap();
-        let poses = Some(topic(2, ODOMETRY));
+        let poses = Some((topic(2, ODOMETRY), PoseType::Odometry));
         let mut lookahead = Lookahead::new(PathBuf::new(), unit, topic(1, IMAGE), FrameType::Image, poses);
         let accept = |lookahead: &mut Lookahead, channel_id, data: &[u8]| {
             lookahead.accept(&Record::Message { channel_id, log_time: 0, data }).unwrap();

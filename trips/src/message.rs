@@ -1,4 +1,4 @@
-//! ROS 2 messages to counts and poses, and back: `LaserScan`, `Image` and `Odometry` in plain CDR.
+//! ROS 2 messages to counts and poses, and back: `LaserScan`, `Image`, `Odometry` and `PoseStamped` in plain CDR.
 //!
 //! The structures mirror the wire: fields in its order. Strings are read as the bytes they lie in, with their closing
 //! zero, so that nothing is copied and a `frame_id` that is not UTF-8 stops nobody; they are written as `&str`.
@@ -6,6 +6,7 @@
 use byteorder::{BigEndian, LittleEndian};
 use serde::{Deserialize, Serialize, Serializer};
 
+use crate::catalogue::PoseType;
 use crate::counts::{RangeLimits, Unit};
 use crate::{MessageFault, Pose, Stamp};
 
@@ -52,6 +53,13 @@ pub(crate) struct OdometryMessage<S> {
     pub(crate) pose_covariance: [[f64; 6]; 6],
     pub(crate) twist: [f64; 6],
     pub(crate) twist_covariance: [[f64; 6]; 6],
+}
+
+#[derive(Serialize, Deserialize)]
+pub(crate) struct PoseStampedMessage<S> {
+    pub(crate) header: Header<S>,
+    pub(crate) position_m: [f64; 3],
+    pub(crate) orientation_xyzw: [f64; 4],
 }
 
 /// Velocities, linear and angular: six numbers on the wire.
@@ -142,12 +150,23 @@ pub(crate) fn read_image(data: &[u8], unit: Unit, counts: &mut Vec<u16>) -> Resu
     Ok(FrameHead { captured: stamp(&image.header), rows: image.height, columns: image.width })
 }
 
-/// Reads an odometry message: when, if it says so, and where, if it says a place (see
+/// Reads a pose: when, if the message says so, and where, if it says a place (see
 /// [`Pose::from_position_orientation`]).
-pub(crate) fn read_odometry(data: &[u8]) -> Result<(Option<Stamp>, Option<Pose>), MessageFault> {
-    let odometry: OdometryMessage<&[u8]> = decode(data)?;
-    let pose = Pose::from_position_orientation(odometry.position_m, odometry.orientation_xyzw);
-    Ok((stamp(&odometry.header), pose))
+pub(crate) fn read_pose(
+    pose_type: PoseType,
+    data: &[u8],
+) -> Result<(Option<Stamp>, Option<Pose>), MessageFault> {
+    let (header, position_m, orientation_xyzw) = match pose_type {
+        PoseType::Odometry => {
+            let odometry: OdometryMessage<&[u8]> = decode(data)?;
+            (odometry.header, odometry.position_m, odometry.orientation_xyzw)
+        }
+        PoseType::PoseStamped => {
+            let pose: PoseStampedMessage<&[u8]> = decode(data)?;
+            (pose.header, pose.position_m, pose.orientation_xyzw)
+        }
+    };
+    Ok((stamp(&header), Pose::from_position_orientation(position_m, orientation_xyzw)))
 }
 
 /// A message in little-endian CDR.

@@ -28,6 +28,12 @@ impl Pose {
         }
     }
 
+    /// As a position and an orientation quaternion (x, y, z, w).
+    pub(crate) fn position_orientation(&self) -> ([f64; 3], [f64; 4]) {
+        let orientation = UnitQuaternion::from_euler_angles(0.0, 0.0, self.yaw_rad);
+        ([self.x_m, self.y_m, 0.0], [orientation.i, orientation.j, orientation.k, orientation.w])
+    }
+
     /// From a position and an orientation quaternion (x, y, z, w) of any length.
     ///
     /// `None` where these are no pose: a number that is not finite, or a quaternion of length zero (which is what an

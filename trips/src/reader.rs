@@ -60,6 +60,7 @@ impl TripReader {
         else {
             return Err(TripError::NoFrames { path: path.to_owned(), topics });
         };
+        let poses = poses.and_then(|topic| topic.pose_type().map(|of| (topic, of)));
         let mut lookahead = Lookahead::new(path.to_owned(), unit, frames, frame_type, poses);
         let layout = loop {
             if let Some(layout) = lookahead.layout() {

@@ -12,14 +12,13 @@ use std::path::{Path, PathBuf};
 
 use mcap::McapError;
 use mcap::records::{MessageHeader, Metadata};
-use nalgebra::UnitQuaternion;
 use tempfile::NamedTempFile;
 
-use crate::catalogue::{FLOAT64_MULTI_ARRAY, IMAGE, LASER_SCAN, ODOMETRY, TWIST_STAMPED};
+use crate::catalogue::{FLOAT64_MULTI_ARRAY, IMAGE, LASER_SCAN, ODOMETRY, POSE_STAMPED, TWIST_STAMPED};
 use crate::counts::{INVALID, Unit};
 use crate::message::{
     ArrayDimension, Float64MultiArrayMessage, Header, ImageMessage, LaserScanMessage, OdometryMessage,
-    TwistStampedMessage, encode,
+    PoseStampedMessage, TwistStampedMessage, encode,
 };
 use crate::{FrameLayout, Pose, Stamp, TripWriteError};
 
@@ -221,17 +220,33 @@ impl TripWriter {
     ///
     /// If the topic has had messages of another type.
     pub fn write_odometry(&mut self, topic: &str, at: Stamp, pose: &Pose) -> Result<(), TripWriteError> {
-        let orientation = UnitQuaternion::from_euler_angles(0.0, 0.0, pose.yaw_rad);
+        let (position_m, orientation_xyzw) = pose.position_orientation();
         let message = OdometryMessage {
             header: header(at, "odom"),
             child_frame_id: "base_link",
-            position_m: [pose.x_m, pose.y_m, 0.0],
-            orientation_xyzw: [orientation.i, orientation.j, orientation.k, orientation.w],
+            position_m,
+            orientation_xyzw,
             pose_covariance: [[0.0; 6]; 6],
             twist: [0.0; 6],
             twist_covariance: [[0.0; 6]; 6],
         };
         self.write(topic, ODOMETRY, at, &encode(&message))
+    }
+
+    /// Writes a pose without odometry, such as the truth to judge odometry by, as `geometry_msgs/msg/PoseStamped` in the
+    /// frame `map`.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
+    ///
+    /// # Panics
+    ///
+    /// If the topic has had messages of another type.
+    pub fn write_pose(&mut self, topic: &str, at: Stamp, pose: &Pose) -> Result<(), TripWriteError> {
+        let (position_m, orientation_xyzw) = pose.position_orientation();
+        let message = PoseStampedMessage { header: header(at, "map"), position_m, orientation_xyzw };
+        self.write(topic, POSE_STAMPED, at, &encode(&message))
     }
 
     /// Writes what the robot was told to do, as `geometry_msgs/msg/TwistStamped` in the frame `base_link`.
@@ -332,6 +347,7 @@ impl TripWriter {
         let definition = match type_name {
             LASER_SCAN => include_str!("definitions/LaserScan.msg"),
             IMAGE => include_str!("definitions/Image.msg"),
+            POSE_STAMPED => include_str!("definitions/PoseStamped.msg"),
             TWIST_STAMPED => include_str!("definitions/TwistStamped.msg"),
             FLOAT64_MULTI_ARRAY => include_str!("definitions/Float64MultiArray.msg"),
             _ => include_str!("definitions/Odometry.msg"),

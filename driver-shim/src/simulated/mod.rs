@@ -58,7 +58,7 @@ pub struct Moment {
     pub command: Command,
 }
 
-/// A simulated robot tells what a real one could: where it believes itself to be, and not where it is.
+/// A simulated robot's pose is where it believes itself to be, as a real one's; where it is stands beside it.
 impl<R: Robot + ?Sized> Source for Box<R> {
     fn layout(&self) -> FrameLayout {
         Robot::layout(&**self)
@@ -66,10 +66,11 @@ impl<R: Robot + ?Sized> Source for Box<R> {
 
     fn next(&mut self, counts: &mut [u16]) -> Result<Option<Capture>, SensorError> {
         let moment = self.step(counts);
-        Ok(moment.map(|Moment { captured, odometry, command, .. }| Capture {
+        Ok(moment.map(|Moment { captured, odometry, true_pose, command }| Capture {
             captured,
             pose: Some(odometry),
             command: Some(command),
+            true_pose: Some(true_pose),
         }))
     }
 }

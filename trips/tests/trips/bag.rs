@@ -11,6 +11,7 @@ use mcap::records::MessageHeader;
 pub(crate) const LASER_SCAN: &str = "sensor_msgs/msg/LaserScan";
 pub(crate) const IMAGE: &str = "sensor_msgs/msg/Image";
 pub(crate) const ODOMETRY: &str = "nav_msgs/msg/Odometry";
+pub(crate) const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
 
 /// A folder for one test, removed with the value.
 pub(crate) struct Folder(tempfile::TempDir);
@@ -184,6 +185,11 @@ pub(crate) fn odometry_in(
 /// A level pose with yaw 0.
 pub(crate) fn odometry(stamp: (u32, u32), x_m: f64) -> Vec<u8> {
     odometry_in(false, stamp, [x_m, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0])
+}
+
+/// The same without odometry: a message half as long, of other fields after the pose.
+pub(crate) fn pose_stamped(stamp: (u32, u32), x_m: f64) -> Vec<u8> {
+    Cdr::new(false).header(stamp).f64s(&[x_m, 0.0, 0.0]).f64s(&[0.0, 0.0, 0.0, 1.0]).done()
 }
 
 /// Everything a trip gave.

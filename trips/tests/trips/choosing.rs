@@ -2,7 +2,9 @@
 
 use kinds_trips::{Selection, TripReader};
 
-use crate::bag::{Bag, Folder, IMAGE, LASER_SCAN, ODOMETRY, odometry, read_with, refusal, scan};
+use crate::bag::{
+    Bag, Folder, IMAGE, LASER_SCAN, ODOMETRY, POSE_STAMPED, odometry, pose_stamped, read_with, refusal, scan,
+};
 
 fn frames_from(name: &str) -> Selection {
     Selection { frames_topic: Some(name.to_owned()), ..Selection::default() }
@@ -19,10 +21,11 @@ fn bag_with(path: &std::path::Path, indexed: bool, topics: &[(&str, &str, &str, 
     for &(name, type_name, encoding, n_messages) in topics {
         let id = bag.topic_encoded(name, type_name, encoding);
         for index in 0..n_messages {
-            let data = if type_name == ODOMETRY {
-                odometry((1000, index), f64::from(index))
-            } else {
-                scan((1000, index), &[1.0])
+            let (stamp, x_m) = ((1000, index), f64::from(index));
+            let data = match type_name {
+                ODOMETRY => odometry(stamp, x_m),
+                POSE_STAMPED => pose_stamped(stamp, x_m),
+                _ => scan(stamp, &[1.0]),
             };
             bag.message(id, u64::from(index), &data);
         }
@@ -57,6 +60,12 @@ fn topics_are_chosen_by_type_or_by_name_and_else_the_sentence_says_how() {
     check(&[odom, scan], &frames_from("/scan"), "/scan /odom");
     check(&[scan, left, odom], &frames_from("/left"), "/left /odom");
     check(&[scan, odom, slam], &poses_from("/slam"), "/scan /slam");
+    // A pose beside odometry is a goal or the truth: taken where it is named, or where there is nothing else.
+    let truth = ("/ground_truth", POSE_STAMPED, "cdr", 2);
+    check(&[scan, odom, truth], &any, "/scan /odom");
+    check(&[scan, odom, truth], &poses_from("/ground_truth"), "/scan /ground_truth");
+    check(&[scan, truth], &any, "/scan /ground_truth");
+    check(&[scan, truth, ("/idle_odom", ODOMETRY, "cdr", 0)], &any, "/scan /ground_truth");
     // Topics that a recorder subscribed to in vain are no candidates.
     check(&[scan, ("/idle", LASER_SCAN, "cdr", 0), ("/idle_odom", ODOMETRY, "cdr", 0)], &any, "/scan -");
     // Nor is what is not CDR.
@@ -95,7 +104,7 @@ fn topics_are_chosen_by_type_or_by_name_and_else_the_sentence_says_how() {
         &[scan],
         &poses_from("/scan"),
         "/scan (sensor_msgs/msg/LaserScan, 3 messages) in TRIP cannot give poses, asked for with --poses-topic: that \
-         takes messages of type nav_msgs/msg/Odometry in CDR",
+         takes messages of type nav_msgs/msg/Odometry or geometry_msgs/msg/PoseStamped in CDR",
     );
     check(
         &[odom, ("/chat", "", "json", 1), ("/depth", IMAGE, "cdr", 0)],

@@ -27,16 +27,18 @@ with AnyReader([Path(sys.argv[1])]) as reader:
         elif what == "Image":
             values = [m.encoding, m.height, m.width, m.step, m.is_bigendian, bytes(m.data).hex()]
         else:
-            p, q = m.pose.pose.position, m.pose.pose.orientation
+            pose = m.pose if what == "PoseStamped" else m.pose.pose
+            p, q = pose.position, pose.orientation
             values = [f"{v:.4f}" for v in (p.x, p.y, q.z, q.w)]
         print(connection.topic, logged - at, at, *values)
 "#;
 
 const EXPECTED: &str = "\
-3 1000000000 500000001
+4 1000000000 500000001
 /scan 0 1000000000 0.05 4 nan 1.5 inf
 /it's depth 0 1250000000 16UC1 1 2 5 1 0102030400
 /odom 0 1500000000 1.0000 -2.0000 0.7071 0.7071
+/ground_truth 0 1500000000 1.0000 -2.0000 0.7071 0.7071
 ";
 
 fn write_trip(path: &Path, options: &WriterOptions) {
@@ -60,6 +62,7 @@ fn write_trip(path: &Path, options: &WriterOptions) {
     writer.write_image("/it's depth", Stamp(1_250_000_000), &image).unwrap();
     let pose = Pose { x_m: 1.0, y_m: -2.0, yaw_rad: std::f64::consts::FRAC_PI_2 };
     writer.write_odometry("/odom", Stamp(1_500_000_000), &pose).unwrap();
+    writer.write_pose("/ground_truth", Stamp(1_500_000_000), &pose).unwrap();
     writer.finish().unwrap();
 }
 

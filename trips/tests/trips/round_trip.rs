@@ -33,6 +33,35 @@ fn scan_of(counts: &[u16]) -> Scan<'_> {
     }
 }
 
+#[test]
+fn the_truth_beside_odometry_comes_back_where_it_is_asked_for() {
+    let folder = Folder::new();
+    let path = folder.join("trip.mcap");
+    let mut writer = TripWriter::create(&path, &WriterOptions::default()).unwrap();
+    let believed = |index: i64| Pose { x_m: index as f64, y_m: 0.0, yaw_rad: 0.0 };
+    let truly = |index: i64| Pose { x_m: 1.05 * index as f64, y_m: -0.25, yaw_rad: 0.5 };
+    for index in 0..3 {
+        let at = at_ms(100 * index);
+        writer.write_odometry("/odom", at, &believed(index)).unwrap();
+        writer.write_pose("/ground_truth", at, &truly(index)).unwrap();
+        writer.write_scan("/scan", at, &scan_of(&[1000])).unwrap();
+    }
+    writer.finish().unwrap();
+    let poses_topic = Some("/ground_truth".to_owned());
+    for (selection, expected) in [
+        (Selection::default(), believed as fn(i64) -> Pose),
+        (Selection { poses_topic, ..Selection::default() }, truly),
+    ] {
+        let trip = read_with(&path, &selection).unwrap();
+        assert_eq!(trip.frames.len(), 3);
+        for (index, (info, _)) in (0..).zip(&trip.frames) {
+            let (found, expected) = (info.pose.unwrap(), expected(index));
+            assert_eq!((found.x_m, found.y_m), (expected.x_m, expected.y_m));
+            assert!((found.yaw_rad - expected.yaw_rad).abs() < 1e-14);
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
