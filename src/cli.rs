@@ -1,6 +1,7 @@
 //! What can be asked of the program.
 
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use kinds_driver_shim::Pace;
@@ -9,6 +10,9 @@ use kinds_messages::{Domain, SensorName};
 use kinds_model::{Method, Scale};
 use kinds_trainer::Config;
 use kinds_trips::Selection;
+
+use crate::failure::Failure;
+use crate::owner::Joined;
 
 /// Tells a robot, in microseconds and without labels, what kind of place its raw sensors are in.
 #[derive(Debug, Parser)]
@@ -39,9 +43,25 @@ impl DomainArguments {
     }
 }
 
+/// Where the robot's programs meet, for a program that another one may start for itself.
+#[derive(Args, Debug)]
+pub(crate) struct OwnableDomainArguments {
+    #[command(flatten)]
+    arguments: DomainArguments,
+    /// Process that started this one: both end with it, program and domain
+    #[arg(long, hide = true, value_name = "PID")]
+    owner: Option<i32>,
+}
+
+impl OwnableDomainArguments {
+    pub(crate) fn join(&self, stop: &AtomicBool) -> Result<Joined, Failure> {
+        Joined::new(self.arguments.domain(), self.owner, stop)
+    }
+}
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
-    /// Show the whole way once: train on a trip, serve, publish a second one, watch, evaluate
+    /// Show the whole way once: drive or take two trips, train on one, serve and publish the other, watch, evaluate, report
     Demo(DemoArguments),
     /// Learn the kinds of recorded trips
     Train(TrainArguments),
@@ -63,10 +83,10 @@ pub(crate) enum Verb {
 
 #[derive(Args, Debug)]
 pub(crate) struct DemoArguments {
-    /// Trip to learn from, and trip to recognise. Default: a small made-up pair
-    #[arg(num_args = 2, value_names = ["TRIP1", "TRIP2"])]
-    pub(crate) trips: Vec<PathBuf>,
-    /// Folder for the model and the results; made if it is not there
+    /// Simulated robot to show it on, crunch or chew; or two recorded trips, one to learn from and one to recognise
+    #[arg(num_args = 0..=2, default_value = "crunch", value_name = "ROBOT | TRIP1 TRIP2")]
+    pub(crate) subject: Vec<PathBuf>,
+    /// Folder for trips, model and results; made if it is not there
     #[arg(long, default_value = "kinds-demo", value_name = "DIR")]
     pub(crate) output: PathBuf,
 }
@@ -199,7 +219,7 @@ pub(crate) struct PublishArguments {
     #[command(flatten)]
     reading: ReadingArguments,
     #[command(flatten)]
-    pub(crate) domain: DomainArguments,
+    pub(crate) domain: OwnableDomainArguments,
 }
 
 #[derive(Args, Debug)]
@@ -211,7 +231,7 @@ pub(crate) struct ServeArguments {
     #[arg(long, value_name = "NAME")]
     pub(crate) sensor: SensorName,
     #[command(flatten)]
-    pub(crate) domain: DomainArguments,
+    pub(crate) domain: OwnableDomainArguments,
 }
 
 #[derive(Args, Debug)]

@@ -60,23 +60,35 @@ impl Domain {
     ///
     /// For domains that end for good, such as a test's: each would leave one otherwise.
     pub fn remove_remains(&self) -> std::io::Result<()> {
+        if !self.is_deserted()? {
+            return Ok(());
+        }
         let is_remains = |entry: &DirEntry| {
             let name = entry.file_name();
             let name = name.to_string_lossy();
             name.starts_with(&self.prefix) && name.ends_with(".global_mgmt")
         };
-        let nodes = match std::fs::read_dir(self.root.join("nodes")) {
-            Ok(mut nodes) => nodes.next().is_some(),
-            Err(error) if error.kind() == ErrorKind::NotFound => false,
-            Err(error) => return Err(error),
-        };
-        if nodes {
-            return Ok(());
-        }
         for entry in std::fs::read_dir(SHARED_MEMORY)?.flatten().filter(is_remains) {
             std::fs::remove_file(entry.path())?;
         }
         Ok(())
+    }
+
+    /// Removes the domain, with its root folder and all that is in it, unless programs are in it.
+    ///
+    /// For a domain whose maker was killed. Fails when another program does the same at this moment, which is as good.
+    pub fn remove_if_deserted(&self) -> std::io::Result<()> {
+        self.remove_remains()?;
+        if self.is_deserted()? { std::fs::remove_dir_all(&self.root) } else { Ok(()) }
+    }
+
+    /// Whether no program is in it. One that was killed still is, until another has joined.
+    fn is_deserted(&self) -> std::io::Result<bool> {
+        match std::fs::read_dir(self.root.join("nodes")) {
+            Ok(mut nodes) => Ok(nodes.next().is_none()),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(true),
+            Err(error) => Err(error),
+        }
     }
 
     /// The transport's configuration for this domain. Passing one keeps it from looking for configuration files.

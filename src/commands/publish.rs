@@ -10,6 +10,7 @@ use kinds_trips::TripReader;
 
 use crate::cli::{PublishArguments, RobotName};
 use crate::failure::Failure;
+use crate::say::mention;
 use crate::stop;
 
 pub(crate) fn run(arguments: &PublishArguments) -> Result<(), Failure> {
@@ -58,7 +59,8 @@ fn publish<S: Source>(
     stop: &AtomicBool,
     remark: impl Fn(&S) -> Option<String>,
 ) -> Result<(), Failure> {
-    let node = Node::open(&arguments.domain.domain(), "kinds-publish")?;
+    let domain = arguments.domain.join(stop)?;
+    let node = Node::open(&domain, "kinds-publish")?;
     let (sensor, pace) = (&arguments.sensor, arguments.speed);
     let flow = match pace {
         _ if arguments.follow => Flow::Followed,
@@ -71,7 +73,8 @@ fn publish<S: Source>(
     if let Some(remark) = remark(shim.device().source()) {
         eprintln!("kinds: {remark}");
     }
-    println!("published {} frames of {sensor} in {:.1} s", summary.n_frames, summary.duration.as_secs_f64());
+    let (n_frames, duration_s) = (summary.n_frames, summary.duration.as_secs_f64());
+    mention(format!("published {n_frames} frames of {sensor} in {duration_s:.1} s"))?;
     if summary.n_unreported > 0 {
         return Err(Failure::CouldNot(format!(
             "the service left {} of {} frames of {sensor} unreported",

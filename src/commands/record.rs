@@ -10,6 +10,7 @@ use kinds_trips::{FrameLayout, Stamp, TripWriteError};
 
 use crate::cli::RecordArguments;
 use crate::failure::Failure;
+use crate::say::mention;
 use crate::stop;
 use crate::trip_file::TripFile;
 
@@ -79,8 +80,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
         };
     }
     let summary = recording.end(&arguments.output)?;
-    println!("{summary}");
-    Ok(())
+    mention(summary)
 }
 
 /// A trip being recorded. Dropped before its end, it leaves nothing behind.

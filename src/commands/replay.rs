@@ -17,6 +17,7 @@ use kinds_trips::{FrameLayout, TripReader};
 use crate::cli::ReplayArguments;
 use crate::commands::own_domain;
 use crate::failure::Failure;
+use crate::say::mention;
 use crate::{csv, model_file, stop, whole_file};
 
 /// Frames that differ which are shown in full.
@@ -33,11 +34,16 @@ pub(crate) fn run(arguments: &ReplayArguments) -> Result<(), Failure> {
         return Err(Failure::CouldNot(format!("stopped after {} frames", reports.len())));
     }
     let found = Outcome::of(&reports);
-    println!("replayed {} frames of {} with model {}", reports.len(), arguments.trip.display(), model.id());
+    mention(format!(
+        "replayed {} frames of {} with model {}",
+        reports.len(),
+        arguments.trip.display(),
+        model.id()
+    ))?;
     if let Some(path) = &arguments.bless {
         whole_file::write(path, found.text().as_bytes())
             .map_err(|error| Failure::file("write", path, &error))?;
-        println!("wrote {}", path.display());
+        mention(format!("wrote {}", path.display()))?;
     }
     match expected {
         Some(expected) => expected.compare(&found),
@@ -168,16 +174,16 @@ impl Outcome {
         let differs = |sequence: &&u64| self.frames.get(sequence) != found.frames.get(sequence);
         let different: Vec<u64> = frames.iter().filter(differs).copied().collect();
         if different.is_empty() && self.titles == found.titles {
-            println!("as expected: {} frames, every digit", found.frames.len());
+            mention(format!("as expected: {} frames, every digit", found.frames.len()))?;
             return Ok(());
         }
-        println!("  {}", found.titles);
+        mention(format!("  {}", found.titles))?;
         let mut moves: BTreeMap<(&str, &str), usize> = BTreeMap::new();
         for (shown, sequence) in different.iter().enumerate() {
             let [old, new] = [self, found].map(|outcome| outcome.frames.get(sequence));
             if shown < N_SHOWN {
                 for (sign, frame) in [("-", old), ("+", new)] {
-                    println!("{sign} {}", frame.map_or("no such frame", |(_, line)| line));
+                    mention(format!("{sign} {}", frame.map_or("no such frame", |(_, line)| line)))?;
                 }
             }
             let [old, new] = [old, new].map(|frame| frame.map_or("none", |(kind, _)| kind.as_str()));
@@ -186,7 +192,7 @@ impl Outcome {
             }
         }
         for ((old, new), n_frames) in &moves {
-            println!("kind {old} → {new}: {n_frames} frames");
+            mention(format!("kind {old} → {new}: {n_frames} frames"))?;
         }
         let n_moved: usize = moves.values().sum();
         Err(Failure::CouldNot(format!(

@@ -1,18 +1,20 @@
 //! `kinds demo`, from its first line to the processes that it must not leave behind.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use kinds_driver_shim::simulated::{Crunch, Floor, Robot as _};
 use kinds_messages::Domain;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 use crate::consumer::Consumer;
-use crate::robot::{Robot, shared_memory};
+use crate::robot::{FIRST, Robot, SECOND, shared_memory};
 use crate::running::{Running, await_that};
-use crate::world::read_trip;
+use crate::world::{Trip, read_trip, read_trip_by};
 
+/// The whole of it, on the robot that it drives itself.
 #[test]
-fn demo_leaves_a_model_a_report_for_every_frame_and_the_evaluation_that_it_printed() {
+fn demo_drives_learns_serves_and_prints_what_its_evaluations_say() {
     let robot = Robot::new();
     let mut demo = robot.start(&["demo", "--output", "results"]);
     let domain = await_domain(&robot, &mut demo);
@@ -20,32 +22,118 @@ fn demo_leaves_a_model_a_report_for_every_frame_and_the_evaluation_that_it_print
     assert_eq!((outcome.code, outcome.stderr.as_str()), (Some(0), ""));
     assert_nothing_is_left(&robot, &domain);
 
-    let files: Vec<PathBuf> = robot.files().into_keys().collect();
-    let names = ["evaluation.json", "kinds.csv", "model.kinds", "trip1.mcap", "trip2.mcap"];
-    assert_eq!(files, names.map(|name| PathBuf::from("results").join(name)));
-    assert_eq!(crate::world::open_model(&robot.path("results/model.kinds")).frames().n_frames(), 900);
+    for (name, floor, trip) in [
+        ("fourth-floor-1", Floor::Fourth, 1),
+        ("fourth-floor-2", Floor::Fourth, 2),
+        ("fifth-floor-1", Floor::Fifth, 1),
+        ("fifth-floor-2", Floor::Fifth, 2),
+    ] {
+        assert_trip_is_driven(&robot.path(&format!("results/{name}.mcap")), Crunch::new(floor, trip, 0));
+    }
+    assert_table_1_is_that_of_the_models(&robot, &outcome.stdout);
+    let tables = printed(&outcome.stdout);
+    let evaluations = ["evaluation", "evaluation-elsewhere"].map(|name| {
+        let json = robot.read(&format!("results/{name}.json"));
+        rounded(&serde_json::from_slice(&json).unwrap())
+    });
+    assert_eq!(tables, evaluations, "{}", outcome.stdout);
+    let report = String::from_utf8(robot.read("results/report.html")).unwrap();
+    for row in tables.iter().flatten() {
+        let kappa = format!("{:.2}", row[4]);
+        assert!(report.contains(&kappa), "κ {kappa} is printed and not in the report");
+    }
+}
+
+/// Its rows say what the two models have.
+fn assert_table_1_is_that_of_the_models(robot: &Robot, stdout: &str) {
+    let mut lines = stdout.lines().map(str::trim_start);
+    assert!(lines.any(|line| line == "Table 1  readings  dims  kinds"), "{stdout}");
+    for (name, file) in [("Isomap", "model.kinds"), ("PCA", "pca.kinds")] {
+        let model = crate::world::open_model(&robot.path("results").join(file));
+        let expected = format!("{name} 16 {} {}", model.embedding().n_dims(), model.mixture().n_kinds());
+        let row: Vec<&str> = lines.next().unwrap().split_whitespace().collect();
+        assert_eq!(row.join(" "), expected);
+    }
+}
+
+/// What is recorded is what the robot does when it is driven here.
+fn assert_trip_is_driven(path: &Path, mut crunch: Crunch) {
+    let mut counts = vec![0; crunch.layout().n_readings()];
+    for (frame, recorded) in read_trip_by(path, Some("/ground_truth")) {
+        let moment = crunch.step(&mut counts).unwrap();
+        assert_eq!((frame.captured, &recorded), (moment.captured, &counts));
+        assert_eq!(
+            frame.pose.map(|pose| (pose.x_m, pose.y_m)),
+            Some((moment.true_pose.x_m, moment.true_pose.y_m))
+        );
+    }
+    assert!(crunch.step(&mut counts).is_none(), "{} ends too early", path.display());
+}
+
+#[test]
+fn demo_on_recorded_trips_leaves_a_model_and_a_report_for_every_frame() {
+    let robot = recorded();
+    let mut demo = robot.start(&["demo", FIRST, SECOND, "--output", "results"]);
+    let domain = await_domain(&robot, &mut demo);
+    let outcome = demo.end();
+    assert_eq!((outcome.code, outcome.stderr.as_str()), (Some(0), ""));
+    assert_nothing_is_left(&robot, &domain);
+    let model = crate::world::open_model(&robot.path("results/model.kinds"));
+    assert_eq!(model.frames().n_frames(), Trip::FIRST.n_frames);
 
     let csv = String::from_utf8(robot.read("results/kinds.csv")).unwrap();
     let mut lines = csv.lines();
-    assert_eq!(lines.next(), Some("sequence,captured_ns,kind,novelty,latency_ns,p0,p1,p2,p3,p4"));
-    let frames = read_trip(&robot.path("results/trip2.mcap"));
+    let probabilities: String = (0..model.mixture().n_kinds()).map(|kind| format!(",p{kind}")).collect();
+    assert_eq!(
+        lines.next(),
+        Some(format!("sequence,captured_ns,kind,novelty,latency_ns{probabilities}").as_str())
+    );
+    let frames = read_trip(&robot.path(SECOND));
     assert_eq!(lines.clone().count(), frames.len());
     for (sequence, (line, (frame, _))) in lines.zip(&frames).enumerate() {
         let beginning = format!("{sequence},{},", frame.captured.0);
-        assert!(line.starts_with(&beginning) && line.split(',').count() == 10, "{line}");
+        assert!(line.starts_with(&beginning), "{line}");
+        assert_eq!(line.split(',').count(), 5 + model.mixture().n_kinds(), "{line}");
     }
-
-    let evaluation: Value = serde_json::from_slice(&robot.read("results/evaluation.json")).unwrap();
-    assert_eq!(printed(&outcome.stdout), rounded(&evaluation), "{}", outcome.stdout);
+    let evaluation = serde_json::from_slice(&robot.read("results/evaluation.json")).unwrap();
+    assert_eq!(printed(&outcome.stdout), [rounded(&evaluation)], "{}", outcome.stdout);
 }
 
-/// The numbers of the table that was printed, row by row.
-fn printed(stdout: &str) -> Vec<Vec<f64>> {
-    let row_of = |name: &str| stdout.lines().find_map(|line| line.trim_start().strip_prefix(name)).unwrap();
-    let words = |row: &'_ str| row.split_whitespace().map(str::to_string).collect::<Vec<_>>();
-    let rows = ["Isomap ", "PCA ", "random "].map(|name| words(row_of(name)));
-    rows.map(|row| row.iter().filter(|word| *word != "%").map(|word| word.parse().unwrap()).collect())
-        .to_vec()
+#[test]
+fn what_a_demo_cannot_be_shown_on_is_a_sentence() {
+    let robot = Robot::new();
+    for (asked, name) in [(&["krunch"][..], "krunch"), (&["one.mcap"], "one.mcap")] {
+        robot.refuse(
+            &[&["demo"], asked].concat(),
+            2,
+            &format!(
+                "a demo is shown on crunch, on chew, or on two recorded trips; it was asked for on \"{name}\""
+            ),
+        );
+    }
+    robot.refuse(&["demo", "one.mcap", "two.mcap"], 1, "no trip at one.mcap: there is no such file");
+}
+
+/// A robot with two trips.
+fn recorded() -> Robot {
+    let robot = Robot::new();
+    Trip::FIRST.write(&robot.path(FIRST));
+    Trip::SECOND.write(&robot.path(SECOND));
+    robot
+}
+
+/// The numbers of the tables of consistency that were printed, row by row.
+fn printed(stdout: &str) -> Vec<Vec<Vec<f64>>> {
+    let mut lines = stdout.lines().map(str::trim_start);
+    let mut tables = Vec::new();
+    while lines.any(|line| line.starts_with("method") && line.contains("kappa")) {
+        let rows = ["Isomap ", "PCA ", "random "].map(|name| {
+            let row = lines.next().unwrap().strip_prefix(name).unwrap();
+            row.split_whitespace().filter(|word| *word != "%").map(|word| word.parse().unwrap()).collect()
+        });
+        tables.push(rows.to_vec());
+    }
+    tables
 }
 
 /// The same of an evaluation, as far as the table shows it.
@@ -94,6 +182,31 @@ fn demo_does_not_take_a_shim_that_a_signal_ended_for_one_that_has_published_all(
     });
 }
 
+#[test]
+fn a_killed_demo_leaves_no_process_and_nothing_in_shared_memory() {
+    let robot = recorded();
+    let mut demo = robot.start(&["demo", FIRST, SECOND, "--output", "results"]);
+    let domain = await_domain(&robot, &mut demo);
+    let mut consumer = Consumer::join(&domain, "demo/sensor");
+    consumer.await_reports(3);
+    drop(consumer);
+    demo.kill();
+    // Its service and shim hear of it, and the last of them out puts the light out.
+    await_that(|| processes_of(&domain).is_empty());
+    assert_nothing_is_left(&robot, &domain);
+}
+
+#[test]
+fn a_demo_that_is_killed_as_its_first_process_starts_leaves_nothing_either() {
+    let robot = recorded();
+    let mut demo = robot.start(&["demo", FIRST, SECOND, "--output", "results"]);
+    let domain = await_domain(&robot, &mut demo);
+    await_that(|| !processes_of(&domain).is_empty());
+    demo.kill();
+    await_that(|| processes_of(&domain).is_empty());
+    assert_nothing_is_left(&robot, &domain);
+}
+
 /// Programs that are in a domain: each has a folder there.
 fn n_programs(domain: &Domain) -> usize {
     let entries = std::fs::read_dir(domain.root.join("nodes")).unwrap();
@@ -103,8 +216,8 @@ fn n_programs(domain: &Domain) -> usize {
 
 /// Interrupts a demo while it publishes.
 fn check_interrupted(interrupt: fn(&Running, &Domain)) {
-    let robot = Robot::new();
-    let mut demo = robot.start_group(&["demo", "--output", "results"]);
+    let robot = recorded();
+    let mut demo = robot.start_group(&["demo", FIRST, SECOND, "--output", "results"]);
     let domain = await_domain(&robot, &mut demo);
     let mut consumer = Consumer::join(&domain, "demo/sensor");
     consumer.await_reports(3);
@@ -112,7 +225,7 @@ fn check_interrupted(interrupt: fn(&Running, &Domain)) {
     interrupt(&demo, &domain);
     let outcome = demo.end();
     assert_eq!(outcome.code, Some(1), "{outcome:?}");
-    assert!(!outcome.stdout.contains("3. evaluate"), "{outcome:?}");
+    assert!(!outcome.stdout.contains("evaluate"), "{outcome:?}");
     assert_nothing_is_left(&robot, &domain);
 }
 

@@ -30,6 +30,17 @@ fn a_shim_waits_for_whom_it_needs_and_says_so() {
 }
 
 #[test]
+fn a_shim_that_nobody_listens_to_publishes_all_the_same() {
+    let robot = Robot::trained();
+    let service = robot.serve();
+    let (shim, out) = robot.start_into(&["publish", "--trip", SECOND, "--sensor", SENSOR, "--speed", "max"]);
+    drop(out);
+    let outcome = shim.end();
+    assert_eq!((outcome.code, outcome.stderr.as_str()), (Some(0), ""));
+    assert!(service.stop(Signal::TERM).contains("served 130 frames: 130 classified"));
+}
+
+#[test]
 fn a_second_shim_for_a_sensor_is_refused_and_the_first_goes_on() {
     let robot = Robot::trained();
     let shim = robot.publish(SECOND, "max");

@@ -1,8 +1,10 @@
 //! `kinds replay`: what changes is noticed, and nothing changes by itself.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use crate::robot::{MODEL, Robot, SECOND};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+
+use crate::robot::{FIRST, MODEL, Robot, SECOND};
 use crate::world::Trip;
 
 const BLESSED: &str = "kinds.csv";
@@ -69,6 +71,17 @@ fn a_changed_digit_is_shown_with_its_frame_and_fails() {
 }
 
 #[test]
+fn a_change_fails_even_if_nobody_reads_what_is_said_of_it() {
+    let robot = blessed();
+    robot.write(BLESSED, "sequence,status,kind,novelty,log_likelihood,p0,p1,p2,p3,p4\n");
+    let (replay, out) = robot.start_into(&["replay", SECOND, "--model", MODEL, "--expect", BLESSED]);
+    drop(out);
+    let outcome = replay.end();
+    assert_eq!(outcome.code, Some(1), "{outcome:?}");
+    assert!(outcome.stderr.contains(" frames differ from what was expected, "), "{outcome:?}");
+}
+
+#[test]
 fn another_trip_fails() {
     let robot = blessed();
     Trip { invalid_frames: &[5], ..Trip::SECOND }.write(&robot.path("other.mcap"));
@@ -101,16 +114,53 @@ fn what_cannot_be_compared_is_a_sentence() {
     );
 }
 
-/// The trip of the demo with a model that the repository carries: `tests/replay/README.md`.
+/// Recorded trips and models that the repository carries, `tests/replay/README.md`: 16 readings and 19840.
 #[test]
-fn nothing_has_changed_on_the_trip_that_the_repository_carries() {
-    let file = |name: &str| -> String {
-        let path: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+fn nothing_has_changed_on_the_trips_that_the_repository_carries() {
+    let file = |name: String| -> String {
+        let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "tests/replay", &name].iter().collect();
         path.into_os_string().into_string().unwrap()
     };
-    let robot = Robot::new();
-    let (trip, model, expected) =
-        (file("demo/trip2.mcap"), file("tests/replay/ring.kinds"), file("tests/replay/ring.csv"));
-    let outcome = robot.run(&["replay", &trip, "--model", &model, "--expect", &expected]);
-    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    for n_processors in [1, 2] {
+        for sensor in ["ring", "camera"] {
+            let [trip, model, expected] =
+                ["2.mcap", ".kinds", ".csv"].map(|ending| file(format!("{sensor}{ending}")));
+            let robot = Robot::new();
+            let arguments = ["replay", &trip, "--model", &model, "--expect", &expected];
+            let outcome = on_processors(n_processors, || robot.run(&arguments));
+            assert_eq!(outcome.code, Some(0), "{sensor}, {n_processors} processors: {outcome:?}");
+        }
+    }
+}
+
+#[test]
+fn one_processor_and_two_train_the_same_model_and_replay_the_same_digits() {
+    let outcomes = [1, 2].map(|n_processors| {
+        let robot = Robot::new();
+        Trip::FIRST.write(&robot.path(FIRST));
+        Trip::SECOND.write(&robot.path(SECOND));
+        on_processors(n_processors, || {
+            robot.succeed(&["train", FIRST, "--output", MODEL]);
+            robot.succeed(&["replay", SECOND, "--model", MODEL, "--bless", BLESSED]);
+        });
+        (robot.read(MODEL), String::from_utf8(robot.read(BLESSED)).unwrap())
+    });
+    assert!(outcomes[0].0 == outcomes[1].0, "the models differ");
+    assert_eq!(outcomes[0].1, outcomes[1].1);
+}
+
+/// Does something on so many processors, as far as there are; programs that it starts stay on these.
+fn on_processors<T: Send>(n_processors: usize, does: impl FnOnce() -> T + Send) -> T {
+    // In a thread of its own: the next test of this one shall have them all again.
+    std::thread::scope(|scope| {
+        let there = scope.spawn(|| {
+            let all = sched_getaffinity(None).unwrap();
+            let mut some = CpuSet::new();
+            let free = (0..CpuSet::MAX_CPU).filter(|&processor| all.is_set(processor));
+            free.take(n_processors).for_each(|processor| some.set(processor));
+            sched_setaffinity(None, &some).unwrap();
+            does()
+        });
+        there.join().unwrap()
+    })
 }

@@ -10,6 +10,7 @@ mod consistency;
 mod evaluate;
 mod load;
 mod progress;
+mod runs;
 mod train;
 
 pub use agreement::adjusted_mutual_information;
@@ -18,4 +19,5 @@ pub use consistency::{Consistency, Places, Revisits, kappa};
 pub use evaluate::{EvaluateError, Evaluation, EvaluationPlan, MethodScores, evaluate};
 pub use load::{LoadError, LoadedTrip, load};
 pub use progress::{Progress, Stage};
+pub use runs::Runs;
 pub use train::{TrainError, Trained, train};

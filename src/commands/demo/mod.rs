@@ -1,0 +1,223 @@
+//! `kinds demo`: the whole way once, with real processes, on trips that are driven for it or given.
+
+mod live;
+mod processes;
+mod subject;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use clap::ValueEnum;
+use kinds_messages::{KindReport, Node};
+use kinds_trainer::{Config, EvaluationPlan, Trained};
+
+use crate::cli::{DemoArguments, RobotName};
+use crate::commands::demo::live::{Course, LiveView};
+use crate::commands::demo::processes::Process;
+use crate::commands::demo::subject::Subject;
+use crate::commands::{evaluate, own_domain, train, watch};
+use crate::failure::Failure;
+use crate::say::say;
+use crate::{csv, model_file, stop, whole_file};
+
+/// How long the second trip is to be looked at.
+const SHOW_S: f64 = 12.0;
+
+/// The paper's radius, 1 foot, and its share.
+const PLAN: EvaluationPlan = EvaluationPlan { radius_m: 0.3048, share: 0.5, seed: 0 };
+
+pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
+    let folder = &arguments.output;
+    let mut steps = Steps::default();
+    let subject = subject(&arguments.subject, folder, &mut steps)?;
+    let [trip1, trip2] = &subject.trips;
+
+    let model_path = folder.join("model.kinds");
+    steps.begin(&format!("train: {} → {}", trip1.display(), model_path.display()))?;
+    learn(trip1, &model_path)?;
+
+    let course = Course::read(trip2, &subject.selection)?;
+    let speed = (course.duration_s / SHOW_S).round().max(1.0).to_string();
+    steps.begin(&format!(
+        "serve, publish, watch: {} at {speed} times the recorded pace, as three processes",
+        trip2.display()
+    ))?;
+    let stop = stop::on_signals()?;
+    let reports = serve_and_watch(&model_path, &course, &speed, &subject, &stop)?;
+    stop::from_now_on_at_once(&stop);
+    say(format!("   {}", statistics(&reports)))?;
+    write_file(folder, "kinds.csv", &table(&reports))?;
+
+    steps
+        .begin(&format!("evaluate: do places in {} that both trips saw get the same kind?", subject.home))?;
+    let model = model_file::open(&model_path)?;
+    let evaluation = evaluate::evaluate(model, [trip1, trip2], &subject.selection, &PLAN)?;
+    say(format!("   {}", evaluate::headline(&evaluation)))?;
+    for line in evaluate::table(&evaluation) {
+        say(format!("   {line}"))?;
+    }
+    let json = serde_json::to_vec_pretty(&evaluation).expect("an evaluation is plain data");
+    write_file(folder, "evaluation.json", &json)?;
+    say(format!("left in {}: model.kinds, kinds.csv, evaluation.json", folder.display()))?;
+    Ok(())
+}
+
+/// What is asked for: two trips that are there, or those of a robot, which is driven for them.
+fn subject(asked: &[PathBuf], folder: &Path, steps: &mut Steps) -> Result<Subject, Failure> {
+    let robot = match asked {
+        [trip1, trip2] => {
+            let subject = Subject::recorded([trip1.clone(), trip2.clone()])?;
+            make_folder(folder)?;
+            return Ok(subject);
+        }
+        [name] => name.to_str().and_then(|name| RobotName::from_str(name, false).ok()),
+        _ => None,
+    };
+    let Some(robot) = robot else {
+        let asked: Vec<_> = asked.iter().map(|path| path.display().to_string()).collect();
+        return Err(Failure::AskedWrongly(format!(
+            "a demo is shown on crunch, on chew, or on two recorded trips; it was asked for on \"{}\"",
+            asked.join(" ")
+        )));
+    };
+    make_folder(folder)?;
+    let subject = Subject::simulated(robot, folder);
+    steps.begin(&format!("drive: {} → {}", journey(robot), folder.display()))?;
+    let start = Instant::now();
+    let driven = subject.drive(robot)?;
+    say(format!(
+        "   {} frames of {} readings: {:.1} min of driving in {:.1} s",
+        driven.n_frames,
+        driven.n_readings,
+        driven.duration_s / 60.0,
+        start.elapsed().as_secs_f64()
+    ))?;
+    Ok(subject)
+}
+
+fn make_folder(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| Failure::file("make folder", folder, &error))
+}
+
+fn journey(robot: RobotName) -> &'static str {
+    match robot {
+        RobotName::Crunch => {
+            "Crunch, with eight sonars and eight infrared sensors, twice over the fourth floor of an office building and twice over the fifth"
+        }
+        RobotName::Chew => "Chew, with a time-of-flight camera of 160 × 124 pixels, twice across a campus",
+    }
+}
+
+fn learn(trip: &Path, model_path: &Path) -> Result<(), Failure> {
+    model_file::check_writable(model_path)?;
+    let Trained { model, remarks } = train::train(&[trip.to_path_buf()], &Config::default())?;
+    for remark in remarks {
+        say(format!("   {remark}"))?;
+    }
+    model_file::write(model_path, &model)?;
+    say(format!("   {}", train::summary(&model)))?;
+    Ok(())
+}
+
+/// Runs service and shim as processes in a domain of their own, and returns every report on the trip.
+fn serve_and_watch(
+    model: &Path,
+    course: &Course,
+    speed: &str,
+    subject: &Subject,
+    stop: &AtomicBool,
+) -> Result<Vec<KindReport>, Failure> {
+    // Declared first, so that it goes last.
+    let domain = own_domain()?;
+    let serve = ["--model".as_ref(), model.as_os_str()];
+    let mut service = Process::start(&domain, &subject.sensor, "serve", &serve)?;
+    service.await_line()?;
+    // Only now: a demo that is killed cannot clear its place in the domain, and the service can.
+    let mut watched = watch::Reports::open(Node::open(&domain, "kinds-demo")?, &subject.sensor)?;
+    let trip = &subject.trips[1];
+    let mut live = LiveView::of(course);
+    let publish =
+        ["--trip".as_ref(), trip.as_os_str(), "--speed".as_ref(), speed.as_ref(), "--follow".as_ref()];
+    let mut shim = Process::start(&domain, &subject.sensor, "publish", &publish)?;
+    let reports = watch_until_end(&mut watched, &mut shim, &mut live, stop)?;
+    live.end(&reports)?;
+    shim.end_well()?;
+    service.terminate();
+    service.end_well()?;
+    Ok(reports)
+}
+
+/// Collects reports until the shim has ended and none is left. The shim ends only when its frames have been reported.
+fn watch_until_end(
+    watched: &mut watch::Reports,
+    shim: &mut Process,
+    live: &mut LiveView,
+    stop: &AtomicBool,
+) -> Result<Vec<KindReport>, Failure> {
+    let mut reports = Vec::new();
+    loop {
+        let has_ended = shim.has_ended()?;
+        while let Some(report) = watched.receive()? {
+            reports.push(report);
+        }
+        live.show(&reports)?;
+        // Asked first: Ctrl-C in a terminal goes to all three processes, and the shim's early end is a good one to it.
+        if stop.load(Ordering::Relaxed) {
+            return Err(Failure::CouldNot(
+                "stopped before the trip was over; the model is learnt, its results are not there"
+                    .to_string(),
+            ));
+        }
+        if has_ended {
+            return Ok(reports);
+        }
+        watched.wait()?;
+    }
+}
+
+fn statistics(reports: &[KindReport]) -> String {
+    let Some(last) = reports.last() else { return "no report came".to_string() };
+    let mut latencies: Vec<u64> = reports.iter().map(watch::latency_ns).collect();
+    latencies.sort_unstable();
+    let n_reports = reports.len();
+    let n_switches = reports.windows(2).filter(|pair| pair[0].kind != pair[1].kind).count();
+    format!(
+        "{} frames, {n_reports} reports; the kind changed {n_switches} times; frame to report: median {:.0} µs, 99 % within {:.0} µs",
+        last.sequence + 1,
+        latencies[n_reports / 2] as f64 / 1e3,
+        latencies[n_reports * 99 / 100] as f64 / 1e3
+    )
+}
+
+fn table(reports: &[KindReport]) -> Vec<u8> {
+    let n_kinds = reports.first().map_or(0, |report| report.probabilities().len());
+    let mut text =
+        format!("sequence,captured_ns,kind,novelty,latency_ns{}\n", csv::probability_titles(n_kinds));
+    for report in reports {
+        let (latency_ns, novelty) = (watch::latency_ns(report), csv::number(report.novelty));
+        let probabilities = csv::probabilities(report.probabilities());
+        text += &format!(
+            "{},{},{},{novelty},{latency_ns}{probabilities}\n",
+            report.sequence, report.captured_ns, report.kind
+        );
+    }
+    text.into_bytes()
+}
+
+fn write_file(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf, Failure> {
+    let path = folder.join(name);
+    whole_file::write(&path, bytes).map_err(|error| Failure::file("write", &path, &error))?;
+    Ok(path)
+}
+
+/// The steps of the demo, a line each.
+#[derive(Default)]
+struct Steps(usize);
+
+impl Steps {
+    fn begin(&mut self, what: &str) -> Result<(), Failure> {
+        self.0 += 1;
+        say(format!("{}. {what}", self.0))
+    }
+}
