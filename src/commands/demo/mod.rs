@@ -2,6 +2,7 @@
 
 mod live;
 mod processes;
+mod report;
 mod subject;
 
 use std::path::{Path, PathBuf};
@@ -10,14 +11,19 @@ use std::time::Instant;
 
 use clap::ValueEnum;
 use kinds_messages::{KindReport, Node};
-use kinds_trainer::{Config, EvaluationPlan, Trained};
+use kinds_model::{Method, Model, Size, refit};
+use kinds_trainer::report::{Page, ReportFile};
+use kinds_trainer::{Config, EvaluationPlan, Meeting, Rivals, Stage, Trained, load};
+use kinds_trips::Selection;
 
 use crate::cli::{DemoArguments, RobotName};
 use crate::commands::demo::live::{Course, LiveView};
 use crate::commands::demo::processes::Process;
+use crate::commands::demo::report::Visited;
 use crate::commands::demo::subject::Subject;
 use crate::commands::{evaluate, own_domain, train, watch};
 use crate::failure::Failure;
+use crate::progress::StepBar;
 use crate::say::say;
 use crate::{csv, model_file, stop, whole_file};
 
@@ -35,7 +41,7 @@ pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
 
     let model_path = folder.join("model.kinds");
     steps.begin(&format!("train: {} → {}", trip1.display(), model_path.display()))?;
-    learn(trip1, &model_path)?;
+    let model = learn(trip1, &model_path)?;
 
     let course = Course::read(trip2, &subject.selection)?;
     let speed = (course.duration_s / SHOW_S).round().max(1.0).to_string();
@@ -49,18 +55,32 @@ pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
     say(format!("   {}", statistics(&reports)))?;
     write_file(folder, "kinds.csv", &table(&reports))?;
 
-    steps
-        .begin(&format!("evaluate: do places in {} that both trips saw get the same kind?", subject.home))?;
-    let model = model_file::open(&model_path)?;
-    let evaluation = evaluate::evaluate(model, [trip1, trip2], &subject.selection, &PLAN)?;
-    say(format!("   {}", evaluate::headline(&evaluation)))?;
-    for line in evaluate::table(&evaluation) {
-        say(format!("   {line}"))?;
+    steps.begin("compare: how many dimensions and kinds do the data ask for, by Isomap and by principal components?")?;
+    let pca = refit_with_own_size(&model)?;
+    model_file::write(&folder.join("pca.kinds"), &pca)?;
+    say_table_1([&model, &pca])?;
+
+    let rivals = rivals(model)?;
+    let visit = |place: &str, trips: &[PathBuf; 2]| visit(place, trips, &subject.selection, &rivals);
+    steps.begin(&format!("evaluate: do places on {} that both trips saw get the same kind?", subject.home))?;
+    let home = visit(&subject.home, &subject.trips)?;
+    say_evaluation(&home, folder, "evaluation.json")?;
+    let mut elsewhere = None;
+    if let Some((place, trips)) = &subject.elsewhere {
+        steps.begin(&format!("evaluate: do the kinds of {} hold on {place}, where they were not learnt?", subject.home))?;
+        let visited = visit(place, trips)?;
+        say_evaluation(&visited, folder, "evaluation-elsewhere.json")?;
+        say(format!("   {}", visited.runs()))?;
+        elsewhere = Some(visited);
     }
-    let json = serde_json::to_vec_pretty(&evaluation).expect("an evaluation is plain data");
-    write_file(folder, "evaluation.json", &json)?;
-    say(format!("left in {}: model.kinds, kinds.csv, evaluation.json", folder.display()))?;
-    Ok(())
+
+    let page = report::page([&rivals.isomap, &pca], &home, elsewhere.as_ref());
+    let report = write_report(folder, &page)?;
+    steps.begin(&format!("report: open {}", report.display()))?;
+    say(format!(
+        "   in {} are also the trips, both models, a line for each report in kinds.csv, and the evaluations as JSON",
+        folder.display()
+    ))
 }
 
 /// What is asked for: two trips that are there, or those of a robot, which is driven for them.
@@ -109,15 +129,72 @@ fn journey(robot: RobotName) -> &'static str {
     }
 }
 
-fn learn(trip: &Path, model_path: &Path) -> Result<(), Failure> {
+fn learn(trip: &Path, model_path: &Path) -> Result<Model, Failure> {
     model_file::check_writable(model_path)?;
     let Trained { model, remarks } = train::train(&[trip.to_path_buf()], &Config::default())?;
-    for remark in remarks {
-        say(format!("   {remark}"))?;
-    }
     model_file::write(model_path, &model)?;
     say(format!("   {}", train::summary(&model)))?;
+    for line in train::choices(&model).into_iter().chain(remarks) {
+        say(format!("   {line}"))?;
+    }
+    Ok(model)
+}
+
+/// What principal components make of the same frames, with as many dimensions and kinds as speak for themselves.
+fn refit_with_own_size(model: &Model) -> Result<Model, Failure> {
+    let mut bar = StepBar::new();
+    let refitted = refit(model, Method::Pca, Size::Own, &mut |step, done, all| {
+        bar.show(Stage::Fitting(step), done as u64, all as u64);
+    });
+    bar.clear();
+    refitted.map_err(|error| Failure::CouldNot(format!("cannot fit principal components for comparison: {error}")))
+}
+
+/// The paper's Table 1.
+fn say_table_1(own: [&Model; 2]) -> Result<(), Failure> {
+    say("   Table 1  readings  dims  kinds")?;
+    for (name, model) in ["Isomap", "PCA"].into_iter().zip(own) {
+        let (n_dims, n_kinds) = (model.embedding().n_dims(), model.mixture().n_kinds());
+        say(format!("   {name:7} {:9} {n_dims:5} {n_kinds:6}", model.layout().n_readings()))?;
+    }
     Ok(())
+}
+
+fn rivals(model: Model) -> Result<Rivals, Failure> {
+    let mut bar = StepBar::new();
+    let rivals = Rivals::of(model, &mut |stage: Stage, done, all| bar.show(stage, done, all));
+    bar.clear();
+    Ok(rivals?)
+}
+
+fn visit(place: &str, trips: &[PathBuf; 2], selection: &Selection, rivals: &Rivals) -> Result<Visited, Failure> {
+    let mut bar = StepBar::new();
+    let mut show = |stage: Stage, done, all| bar.show(stage, done, all);
+    let [first, second] = trips;
+    let trips = [load(first, selection, &mut show)?, load(second, selection, &mut show)?];
+    let meeting = Meeting::find(rivals.isomap.layout(), &trips[0], &trips[1], &PLAN)?;
+    let evaluation = kinds_trainer::evaluate(rivals, &meeting, &mut show);
+    bar.clear();
+    Ok(Visited { place: place.to_string(), trips, evaluation })
+}
+
+fn say_evaluation(visited: &Visited, folder: &Path, name: &str) -> Result<(), Failure> {
+    say(format!("   {}", evaluate::headline(&visited.evaluation)))?;
+    for line in evaluate::table(&visited.evaluation) {
+        say(format!("   {line}"))?;
+    }
+    let json = serde_json::to_vec_pretty(&visited.evaluation).expect("an evaluation is plain data");
+    write_file(folder, name, &json).map(drop)
+}
+
+/// Writes the page, and its figures with their numbers, into a folder of their own. Returns the page's path.
+fn write_report(folder: &Path, page: &Page) -> Result<PathBuf, Failure> {
+    let folder = folder.join("report");
+    make_folder(&folder)?;
+    for ReportFile { name, contents } in page.files() {
+        write_file(&folder, &name, contents.as_bytes())?;
+    }
+    Ok(folder.join("report.html"))
 }
 
 /// Runs service and shim as processes in a domain of their own, and returns every report on the trip.
