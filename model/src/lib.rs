@@ -54,6 +54,6 @@ pub use em::EmPlan;
 pub use file::ModelFileError;
 pub use fit::{FitError, Step, fit, refit};
 pub use frames::{Frames, SensorLayout};
-pub use model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
+pub use model::{KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
 pub use plan::{FitPlan, Method};
 pub use response::{Response, ResponsePlan, Scale};

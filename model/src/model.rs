@@ -46,6 +46,8 @@ pub struct Provenance {
     pub bridges: Vec<(u32, u32, f32)>,
     /// Residual variance for 1, 2, … dimensions.
     pub residual_variance: Vec<f64>,
+    /// Where that curve bends: dimensions. The model has two more, unless it was told how many to have.
+    pub elbow: usize,
     /// The largest eigenvalues, counts².
     pub eigenvalues: Vec<f64>,
     /// Share of negative eigenvalues in the sum of all magnitudes.
@@ -60,6 +62,28 @@ pub struct Provenance {
     pub converged: bool,
     /// Starts given up because a kind lost its frames.
     pub n_starts_collapsed: usize,
+    /// N_eff: frames that are as good as independent of each other, N by the integrated autocorrelation time.
+    pub n_frames_effective: f64,
+    /// What speaks for each number of kinds, 1, 2, …; empty where the number was given.
+    pub kinds_tried: Vec<KindsTrial>,
+}
+
+/// A number of kinds that was tried, and what speaks for it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KindsTrial {
+    /// J.
+    pub n_kinds: usize,
+    /// ln likelihood of the reference frames, nats.
+    pub log_likelihood: f64,
+    /// Schwarz' criterion `−2 ln L + κ ln N`, nats; lower is better. Overfits trips, whose frames are not independent.
+    pub bic: f64,
+    /// Bozdogan's criterion `−2 ln L + κ (ln N + 1)`, which the paper uses with a misprinted sign, nats.
+    pub caic: f64,
+    /// Schwarz' criterion for as many frames as are independent, `−2 (N_eff / N) ln L + κ ln N_eff`, nats.
+    pub bic_neff: f64,
+    /// ln likelihood of frames in contiguous blocks that the mixture was not fitted to, nats per frame; higher is better.
+    pub held_out: f64,
 }
 
 /// Where the reference frames came from.

@@ -10,6 +10,7 @@ mod consistency;
 mod evaluate;
 mod load;
 mod progress;
+pub mod report;
 mod runs;
 mod train;
 

@@ -1,0 +1,60 @@
+//! The report that a person opens: one page of text, tables and figures, and each figure in files of its own.
+//!
+//! Pure: data in, text out. A [`Page`] is one file of HTML without network or script; every [`Figure`] on it is drawn in
+//! SVG whose colours follow the page from light to dark, and comes with the numbers drawn. Functions of this module make
+//! the figures: of a model ([`residual_variance`], [`spectrum`], [`kinds_tried`], [`embedding`], [`canonical_views`]), of
+//! trips whose frames have been classified ([`kinds_on_path`], [`kinds_along_time`]) and of an evaluation
+//! ([`consistency`]). [`add_model`], [`add_trips`] and [`add_evaluation`] put them on a page with their tables and words:
+//!
+//! ```no_run
+//! # fn report(model: &kinds_model::Model, trips: &[kinds_trainer::report::TripKinds], evaluation: &kinds_trainer::Evaluation) {
+//! use kinds_trainer::report::{Page, add_evaluation, add_model, add_trips};
+//!
+//! let mut page = Page::new("Kinds of crunch/ring");
+//! add_model(&mut page, model, None, &[]);
+//! add_trips(&mut page, model.mixture().n_kinds(), trips);
+//! add_evaluation(&mut page, evaluation);
+//! for file in page.files() {
+//!     // Write file.contents to file.name.
+//! }
+//! # }
+//! ```
+//!
+//! Kinds have one look everywhere: a colour, and on the path a width, so that they are told apart without colour. Text
+//! in figures is at least 11 px high on a page 400 px wide: panels are small and wrap.
+
+mod axis;
+mod canonical;
+mod chart;
+mod curves;
+mod depth;
+mod drawing;
+mod embedding;
+mod figure;
+mod kind_style;
+mod kinds_tried;
+mod markup;
+mod page;
+mod path;
+mod rays;
+mod scores;
+mod sections;
+mod theme;
+mod time;
+mod trip_kinds;
+mod views;
+
+pub use curves::{residual_variance, spectrum};
+pub use embedding::embedding;
+pub use figure::Figure;
+pub use kinds_tried::kinds_tried;
+pub use page::{Column, Page, ReportFile, Table};
+pub use path::kinds_on_path;
+pub use scores::{consistency, consistency_table};
+pub use sections::{add_evaluation, add_model, add_trips};
+pub use time::kinds_along_time;
+pub use trip_kinds::TripKinds;
+pub use views::canonical_views;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,138 @@
+//! What `train` and `evaluate` have to show, put on a page in the order in which a person asks.
+
+use kinds_model::{FitPlan, Method, Model, Provenance, Scale};
+
+use super::page::Page;
+use super::trip_kinds::TripKinds;
+use super::{
+    canonical_views, consistency, consistency_table, embedding, kinds_along_time, kinds_on_path, kinds_tried,
+    residual_variance, spectrum,
+};
+use crate::evaluate::Evaluation;
+
+/// Adds what a model is, how its dimensions and kinds were chosen, and what the kinds look like.
+///
+/// * `rival` — the same frames by the other method, for its residual variance
+/// * `remarks` — sentences about how it was learnt, as [`Trained`](crate::Trained) has them
+pub fn add_model(page: &mut Page, model: &Model, rival: Option<&Model>, remarks: &[String]) {
+    page.section("The model");
+    page.facts(&facts(model));
+    let remarks: Vec<String> = remarks.iter().cloned().chain(doubts(&model.manifest().provenance)).collect();
+    if !remarks.is_empty() {
+        page.paragraph("To be known about it:");
+        page.list(remarks);
+    }
+    page.section("How many dimensions");
+    let both = [Some(model), rival].into_iter().flatten();
+    let named: Vec<(&str, &Model)> =
+        both.map(|model| (method_name(model.manifest().plan.method), model)).collect();
+    page.figure(residual_variance(&named));
+    page.figure(spectrum(model));
+    page.section("How many kinds");
+    match kinds_tried(model) {
+        Some(figure) => page.figure(figure),
+        None => page.paragraph(&format!(
+            "That there are {} kinds was given; no other numbers were tried.",
+            model.mixture().n_kinds()
+        )),
+    }
+    page.section("The kinds");
+    page.figure(embedding(model));
+    page.figure(canonical_views(model));
+}
+
+/// Adds where and when the robot saw which kind.
+///
+/// The figures are named `path` and `time`.
+pub fn add_trips(page: &mut Page, n_kinds: usize, trips: &[TripKinds]) {
+    page.section("The trips");
+    if trips.iter().any(|trip| trip.poses.iter().any(Option::is_some)) {
+        page.figure(kinds_on_path("path", "Kinds on the path", n_kinds, trips));
+    } else {
+        page.paragraph("Nobody knows where the robot was: there is no map without nav_msgs/msg/Odometry.");
+    }
+    page.figure(kinds_along_time("time", "Kinds along time", n_kinds, trips));
+}
+
+/// Adds whether a place seen again gets the same kind.
+pub fn add_evaluation(page: &mut Page, evaluation: &Evaluation) {
+    page.section("Consistency");
+    page.paragraph(&format!(
+        "{:.0}\u{a0}% of the first trip's frames were revisited within {} m. One kind for everything would always be \
+         consistent: read consistency beside chance, κ, adjusted mutual information (AMI) and the share of the largest kind.",
+        100.0 * evaluation.revisited,
+        evaluation.radius_m
+    ));
+    page.table(&consistency_table(evaluation));
+    page.figure(consistency(evaluation));
+}
+
+fn method_name(method: Method) -> &'static str {
+    match method {
+        Method::Isomap => "Isomap",
+        Method::Pca => "PCA",
+    }
+}
+
+fn facts(model: &Model) -> Vec<(&'static str, String)> {
+    let FitPlan { sensor, response, method, n_neighbors, n_landmarks, n_dims, seed, .. } =
+        &model.manifest().plan;
+    let Provenance { made_by, origin, .. } = &model.manifest().provenance;
+    let scale = match response.scale {
+        Scale::Range => "range".to_string(),
+        Scale::Log => format!("ln(1 + range / {} m)", response.offset_m),
+        Scale::Inverse => format!("1 / (range + {} m)", response.offset_m),
+    };
+    let how = match method {
+        Method::Isomap => format!("{n_neighbors} neighbours, {n_landmarks} landmarks, {n_dims} dimensions"),
+        Method::Pca => format!("{n_landmarks} landmarks, {n_dims} dimensions"),
+    };
+    let trips = match origin.trips.is_empty() {
+        true => "frames of unknown trips".to_string(),
+        false => origin.trips.join(", "),
+    };
+    vec![
+        ("model", model.id().to_string()),
+        ("learnt from", trips),
+        ("frames", model.manifest().n_frames.to_string()),
+        ("sensor", sensor.to_string()),
+        ("compared on", format!("{scale}, up to {:.2} m", response.range_m_max)),
+        ("method", format!("{}: {how}", method_name(*method))),
+        ("kinds", model.mixture().n_kinds().to_string()),
+        ("made by", format!("{made_by}, seed {seed}")),
+    ]
+}
+
+/// What makes a model less sure than it looks.
+fn doubts(provenance: &Provenance) -> Vec<String> {
+    let Provenance { n_iterations, converged, n_starts_collapsed, .. } = provenance;
+    let mut doubts = Vec::new();
+    if !converged {
+        doubts.push(format!("the mixture had not converged after {n_iterations} iterations"));
+    }
+    if *n_starts_collapsed > 0 {
+        let starts = if *n_starts_collapsed == 1 { "start was" } else { "starts were" };
+        doubts.push(format!(
+            "{n_starts_collapsed} {starts} given up because a kind lost its frames; fewer kinds avoid it"
+        ));
+    }
+    doubts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mixture_that_stopped_early_or_collapsed_is_said_so() {
+        let check = |converged, n_starts_collapsed, expected: &[&str]| {
+            let provenance =
+                Provenance { n_iterations: 300, converged, n_starts_collapsed, ..Default::default() };
+            assert_eq!(doubts(&provenance), expected);
+        };
+        check(true, 0, &[]);
+        check(false, 0, &["the mixture had not converged after 300 iterations"]);
+        check(true, 1, &["1 start was given up because a kind lost its frames; fewer kinds avoid it"]);
+        check(true, 2, &["2 starts were given up because a kind lost its frames; fewer kinds avoid it"]);
+    }
+}

@@ -1,0 +1,314 @@
+//! Reports of small made-up data, read back as a person's browser reads them: the page, and what all figures have in common.
+
+mod figures;
+
+use std::collections::BTreeMap;
+
+use kinds_model::mixture::most_probable;
+use kinds_model::{EmPlan, FitPlan, Method, Model, Origin, ResponsePlan, Scale, SensorLayout, fit};
+use kinds_trips::Pose;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use roxmltree::{Document, Node, ParsingOptions};
+
+use super::kind_style::KindStyle;
+use super::*;
+use crate::evaluate::{Evaluation, MethodScores, Methods};
+
+/// A model of a robot that goes from place to place, over and over: 120 frames in one, 80 and 40 in others.
+fn model(sensor: SensorLayout, scale: Scale, n_dims: usize, n_kinds: usize) -> Model {
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let mut counts = Vec::new();
+    for index in 0..240 {
+        let place = [0, 0, 0, 1, 1, 2][index / 20 % 6];
+        for reading in 0..sensor.n_readings() {
+            let toward = reading % 3 == place;
+            let range_mm = if toward { 3000.0 } else { 600.0 + 300.0 * place as f64 };
+            counts.push((range_mm + random.random_range(-150.0..150.0)) as u16);
+        }
+    }
+    let plan = FitPlan {
+        sensor,
+        response: ResponsePlan::new(scale, 4.0),
+        method: Method::Isomap,
+        n_neighbors: 8,
+        n_landmarks: 60,
+        n_dims,
+        em: EmPlan::new(n_kinds, 1),
+        seed: 1,
+    };
+    fit(counts, &plan, Origin::default(), &mut |_, _, _| ()).unwrap()
+}
+
+fn ring() -> Model {
+    model(SensorLayout { rows: 2, columns: 8, metres_per_count: 0.001 }, Scale::Inverse, 3, 3)
+}
+
+fn camera() -> Model {
+    model(SensorLayout { rows: 6, columns: 8, metres_per_count: 0.001 }, Scale::Inverse, 3, 3)
+}
+
+const fn at(x_m: f64, y_m: f64) -> Option<Pose> {
+    Some(Pose { x_m, y_m, yaw_rad: 0.0 })
+}
+
+/// A metre and a tenth of a second a frame; frames 0, 1 and 4 of kind 0, 2 and 3 of kind 1.
+const TRIP: TripKinds = TripKinds {
+    title: "trip <1>",
+    seconds: &[0.0, 0.1, 0.2, 0.3, 0.4],
+    poses: &[at(0.0, 2.0), at(1.0, 2.0), at(2.0, 2.0), at(3.0, 2.0), at(4.0, 2.0)],
+    kinds: &[0, 0, 1, 1, 0],
+};
+
+fn path() -> Figure {
+    kinds_on_path("path", "Kinds on the <path>", 2, &[TRIP])
+}
+
+fn along_time() -> Figure {
+    kinds_along_time("time", "Kinds along time", 2, &[TRIP])
+}
+
+fn evaluation() -> Evaluation {
+    let score = |n_dims, consistency: f64, chance: f64| MethodScores {
+        n_dims,
+        n_kinds: 5,
+        consistency,
+        chance,
+        kappa: (consistency - chance) / (1.0 - chance),
+        ami: 0.5,
+        largest_kind_share: 0.375,
+    };
+    let methods =
+        Methods { isomap: score(8, 0.8, 0.2), pca: score(8, 0.6, 0.2), random: score(0, 0.2, 0.25) };
+    Evaluation { radius_m: 0.3, share: 0.5, revisited: 0.9, methods }
+}
+
+fn figures() -> Vec<Figure> {
+    let (ring, camera) = (ring(), camera());
+    let plain = [
+        residual_variance(&[("Isomap", &ring), ("another & its <name>", &camera)]),
+        spectrum(&ring),
+        embedding(&ring),
+        canonical_views(&ring),
+        path(),
+        along_time(),
+        consistency(&evaluation()),
+    ];
+    plain.into_iter().chain(kinds_tried::tests::figure()).collect()
+}
+
+fn page() -> Page {
+    let mut page = Page::new("Kinds of <crunch> & \"ring\"");
+    page.section("1 < 2");
+    page.paragraph("</p><script>alert('kinds')</script>");
+    page.list(["a & b"]);
+    page.facts(&[("sensor <x>", "16 & more".to_string())]);
+    page.table(&consistency_table(&evaluation()));
+    figures().into_iter().for_each(|figure| page.figure(figure));
+    page
+}
+
+const SVG: &str = "http://www.w3.org/2000/svg";
+
+fn parse(markup: &str) -> Document<'_> {
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+    Document::parse_with_options(markup, options).unwrap()
+}
+
+fn with_class<'a>(document: &'a Document, class: &str) -> Vec<Node<'a, 'a>> {
+    let has = |node: &Node| node.attribute("class").is_some_and(|all| all.split(' ').any(|one| one == class));
+    document.descendants().filter(has).collect()
+}
+
+fn texts(svg: &str) -> Vec<String> {
+    let document = parse(svg);
+    let texts = document.descendants().filter(|node| node.has_tag_name((SVG, "text")));
+    texts.filter_map(|node| node.text().map(str::to_string)).collect()
+}
+
+/// Lines of numbers, without titles.
+fn lines(csv: &str) -> Vec<Vec<&str>> {
+    csv.lines().skip(1).map(|line| line.split(',').collect()).collect()
+}
+
+#[test]
+fn pages_and_figures_are_well_formed_and_say_what_was_given_to_them() {
+    let html = page().to_html();
+    let document = parse(&html);
+    let text_of =
+        |tag: &str| document.descendants().find(|node| node.has_tag_name(tag)).and_then(|node| node.text());
+    assert_eq!(text_of("title"), Some("Kinds of <crunch> & \"ring\""));
+    assert_eq!(text_of("h1"), Some("Kinds of <crunch> & \"ring\""));
+    assert_eq!(text_of("h2"), Some("1 < 2"));
+    assert_eq!(text_of("p"), Some("</p><script>alert('kinds')</script>"));
+    assert_eq!(text_of("li"), Some("a & b"));
+    assert_eq!((text_of("dt"), text_of("dd")), (Some("sensor <x>"), Some("16 & more")));
+    for figure in figures() {
+        let svg = figure.to_svg();
+        let document = parse(&svg);
+        let title = document.root_element().children().find(|node| node.has_tag_name((SVG, "title")));
+        assert_eq!(title.and_then(|node| node.text()), Some(figure.title()));
+        assert!(
+            document
+                .descendants()
+                .any(|node| node.has_tag_name((SVG, "text")) && node.text() == Some(figure.title()))
+        );
+    }
+}
+
+#[test]
+fn a_report_needs_no_network_and_runs_no_script() {
+    for file in page().files() {
+        let contents = file.contents.replace("xmlns=\"http://www.w3.org/2000/svg\"", "");
+        // The data of an image may have any letters.
+        let parts = contents.split("base64,").enumerate();
+        let parts =
+            parts.map(|(index, part)| if index == 0 { part } else { &part[part.find('"').unwrap()..] });
+        let contents: String = parts.collect();
+        for word in ["http", "<script", "javascript:", "@import", "url(", "<link", "//", "src="] {
+            assert!(!contents.contains(word), "{} has {word}", file.name);
+        }
+    }
+}
+
+#[test]
+fn a_report_is_its_page_and_two_files_for_each_figure() {
+    let mut page = Page::new("Kinds");
+    page.figure(path());
+    let files = page.files();
+    let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
+    assert_eq!(names, ["report.html", "path.svg", "path.csv"]);
+    assert_eq!(files[1].contents, path().to_svg());
+    assert_eq!(files[2].contents, path().csv());
+}
+
+#[test]
+fn text_in_figures_is_at_least_11_px_high_on_a_page_400_px_wide_and_every_picture_has_words() {
+    const PAGE_PX: f64 = 400.0 - 2.0 * 16.0;
+    let html = page().to_html();
+    let document = parse(&html);
+    let pictures = with_class(&document, "picture");
+    assert!(pictures.len() > 10);
+    for picture in pictures {
+        let width: f64 = picture.attribute("width").unwrap().parse().unwrap();
+        assert!(13.0 * (PAGE_PX / width).min(1.0) >= 11.0, "{width} px");
+        assert_eq!(picture.attribute("role"), Some("img"));
+        assert!(!picture.attribute("aria-label").unwrap().is_empty());
+    }
+    assert!(html.contains("font-size:13px"));
+}
+
+/// The canonical views by the plain formulas, on a scale whose inverse is a unit alone.
+#[test]
+fn methods_are_written_with_kappa_and_random_kinds_without_dimensions() {
+    let svg = consistency(&evaluation()).to_svg();
+    let names: Vec<String> = texts(&svg).into_iter().filter(|text| text.contains("κ")).collect();
+    assert_eq!(names, ["Isomap, κ = 0.75", "PCA, κ = 0.50", "random, κ = −0.07"]);
+    let mut page = Page::new("Kinds");
+    page.table(&consistency_table(&evaluation()));
+    let html = page.to_html();
+    let document = parse(&html);
+    let rows: Vec<String> = document
+        .descendants()
+        .filter(|node| node.has_tag_name("tr"))
+        .map(|row| {
+            row.children()
+                .filter_map(|cell| cell.text())
+                .collect::<Vec<_>>()
+                .join(" | ")
+                .replace('\u{a0}', " ")
+        })
+        .collect();
+    assert_eq!(
+        rows,
+        [
+            "method | dimensions | kinds | consistency | chance | κ | AMI | largest kind",
+            "Isomap | 8 | 5 | 80.0 % | 20.0 % | 0.75 | 0.50 | 37.5 %",
+            "PCA | 8 | 5 | 60.0 % | 20.0 % | 0.50 | 0.50 | 37.5 %",
+            "random | – | 5 | 20.0 % | 25.0 % | −0.07 | 0.50 | 37.5 %",
+        ]
+    );
+}
+
+#[test]
+fn a_figure_of_its_own_has_its_colours_in_light_and_dark_and_everything_within_its_sheet() {
+    for figure in figures() {
+        let svg = figure.to_svg();
+        assert!(!svg.contains("var("), "{}", figure.name());
+        assert!(svg.contains("@media screen and (prefers-color-scheme:dark)"));
+        let document = parse(&svg);
+        let size = |name: &str| document.root_element().attribute(name).unwrap().parse::<f64>().unwrap();
+        for part in document.root_element().children().filter_map(|node| node.attribute("transform")) {
+            let places = part.trim_start_matches("translate(").trim_end_matches(')').split_once(' ').unwrap();
+            let (x, y): (f64, f64) = (places.0.parse().unwrap(), places.1.parse().unwrap());
+            assert!(x >= 0.0 && x < size("width") && y > 36.0 && y < size("height"), "{part}");
+        }
+    }
+}
+
+#[test]
+fn the_page_of_a_training_and_its_evaluation_has_every_section_and_figure_once() {
+    let (model, remarks) = (ring(), ["2 frames without any valid reading were left out".to_string()]);
+    let mut page = Page::new("Kinds");
+    add_model(&mut page, &model, Some(&camera()), &remarks);
+    add_trips(&mut page, 3, &[TRIP]);
+    add_evaluation(&mut page, &evaluation());
+    let html = page.to_html();
+    let document = parse(&html);
+    let all = |tag: &str| -> Vec<String> {
+        let nodes = document.descendants().filter(|node| node.has_tag_name(tag));
+        nodes.filter_map(|node| node.text()).map(|text| text.replace('\u{a0}', " ")).collect()
+    };
+    assert_eq!(
+        all("h2"),
+        ["The model", "How many dimensions", "How many kinds", "The kinds", "The trips", "Consistency"]
+    );
+    assert_eq!(all("a"), all("h2"));
+    assert_eq!(
+        all("h3"),
+        [
+            "Residual variance",
+            "Eigenvalue spectrum",
+            "Embedding",
+            "What each kind looks like",
+            "Kinds on the path",
+            "Kinds along time",
+            "Consistency by method",
+        ]
+    );
+    assert_eq!(all("li"), remarks);
+    assert_eq!(
+        all("p"),
+        [
+            "To be known about it:",
+            "That there are 3 kinds was given; no other numbers were tried.",
+            "90 % of the first trip's frames were revisited within 0.3 m. One kind for everything would always be consistent: read consistency beside chance, κ, adjusted mutual information (AMI) and the share of the largest kind.",
+        ]
+    );
+    let facts: Vec<(String, String)> = all("dt").into_iter().zip(all("dd")).collect();
+    let expected = [
+        ("model", model.id().to_string()),
+        ("learnt from", "frames of unknown trips".to_string()),
+        ("frames", "240".to_string()),
+        ("sensor", "16 readings (2 × 8) of 0.001 m a count".to_string()),
+        ("compared on", "1 / (range + 0.3 m), up to 4.00 m".to_string()),
+        ("method", "Isomap: 8 neighbours, 60 landmarks, 3 dimensions".to_string()),
+        ("kinds", "3".to_string()),
+        ("made by", format!("{}, seed 1", model.manifest().provenance.made_by)),
+    ];
+    assert_eq!(facts, expected.map(|(name, value)| (name.to_string(), value)));
+}
+
+#[test]
+fn trips_without_poses_have_a_sentence_instead_of_a_map() {
+    let mut page = Page::new("Kinds");
+    add_trips(&mut page, 2, &[TripKinds { poses: &[None; 5], ..TRIP }]);
+    let names: Vec<String> = page.files().into_iter().map(|file| file.name).collect();
+    assert_eq!(names, ["report.html", "time.svg", "time.csv"]);
+    assert!(
+        page.to_html().contains(
+            "<p>Nobody knows where the robot was: there is no map without nav_msgs/msg/Odometry.</p>"
+        )
+    );
+}
