@@ -124,10 +124,10 @@ pub(crate) struct TrainArguments {
     /// Landmarks that geodesics are measured from [default: 1000, or all frames if there are fewer]
     #[arg(long, value_name = "N")]
     landmarks: Option<usize>,
-    /// Dimensions to embed in, 1 to 32 [default: 8 for rings, 15 for cameras]
+    /// Dimensions to embed in, 1 to 32 [default: chosen by residual variance: two more than where it bends]
     #[arg(long, value_name = "N")]
     dims: Option<usize>,
-    /// Kinds to find, 1 to 64 [default: 5 for rings, 8 for cameras]
+    /// Kinds to find, 1 to 64 [default: chosen by evidence from 1 to 20; `kinds inspect` shows it]
     #[arg(long, value_name = "N")]
     kinds: Option<usize>,
     /// Starts of the mixture [default: 10]

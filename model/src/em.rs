@@ -11,20 +11,22 @@
 //! that are below the floor gives the maximum of the likelihood among covariances above it, so that the log-likelihood
 //! never decreases, which adding a constant to the diagonal would not guarantee.
 
-use nalgebra::DMatrix;
+mod steps;
+
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use self::steps::{expect, maximise, mean_variance};
 use crate::mixture::{Mixture, MixtureError};
+use crate::tally::Tally;
 
 /// How a mixture is fitted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EmPlan {
-    /// J.
-    pub n_kinds: usize,
     /// Starts to choose from.
     pub n_starts: usize,
     /// Iterations of each start before the best is chosen.
@@ -42,9 +44,8 @@ pub struct EmPlan {
 
 impl EmPlan {
     /// The usual plan.
-    pub fn new(n_kinds: usize, seed: u64) -> Self {
+    pub fn new(seed: u64) -> Self {
         Self {
-            n_kinds,
             n_starts: 10,
             n_short_iterations: 20,
             n_iterations_max: 1000,
@@ -104,17 +105,17 @@ pub enum EmError {
 
 /// Embedded frames, shape `(n_frames, n_dims)`.
 #[derive(Clone, Copy)]
-struct Points<'a> {
-    n_dims: usize,
-    coordinates: &'a [f64],
+pub(crate) struct Points<'a> {
+    pub(crate) n_dims: usize,
+    pub(crate) coordinates: &'a [f64],
 }
 
 impl<'a> Points<'a> {
-    fn n(&self) -> usize {
+    pub(crate) fn n(&self) -> usize {
         self.coordinates.len() / self.n_dims
     }
 
-    fn rows(&self) -> impl Iterator<Item = &'a [f64]> + use<'a> {
+    pub(crate) fn rows(&self) -> impl Iterator<Item = &'a [f64]> + use<'a> {
         self.coordinates.chunks_exact(self.n_dims)
     }
 
@@ -123,47 +124,60 @@ impl<'a> Points<'a> {
     }
 }
 
-/// Fits a mixture from several starts.
+/// Fits a mixture of J kinds from several starts.
 ///
 /// * `coordinates` — of all frames, shape `(n_frames, n_dims)`, counts
-///
 /// * `done` — told the number of starts finished
 ///
-/// The same on every run for a seed. O(n_starts · n_short_iterations · n_frames · n_kinds · n_dims²) and the same again
-/// for the iterations to convergence.
+/// Starts run side by side on the threads of whoever calls. The same on every run for a seed, and on any number of
+/// threads. O(n_starts · n_short_iterations · n_frames · n_kinds · n_dims²) and the same again for the iterations to
+/// convergence.
 ///
 /// # Errors
 /// If there are fewer frames than kinds, the frames do not vary, or every start lost a kind.
 pub fn fit_mixture(
     coordinates: &[f64],
     n_dims: usize,
+    n_kinds: usize,
     plan: &EmPlan,
-    done: &mut dyn FnMut(usize),
+    done: &mut (dyn FnMut(usize) + Send),
 ) -> Result<EmFit, EmError> {
     let points = Points { n_dims, coordinates };
-    let (n_frames, n_kinds) = (points.n(), plan.n_kinds);
+    let n_frames = points.n();
     if n_kinds == 0 || n_frames < n_kinds {
         return Err(EmError::TooFewFrames { n_frames, n_kinds });
     }
-    let floor = floor_variance(points, plan)?;
-    let short = EmPlan { n_iterations_max: plan.n_short_iterations, ..plan.clone() };
-    let mut best: Option<EmFit> = None;
-    let mut n_starts_collapsed = 0;
-    for start in 0..plan.n_starts as u64 {
-        let begun = begin(points, plan, floor, start);
-        match begun.and_then(|mixture| iterate(points, mixture, &short, floor)) {
-            Some(fit) => {
-                let higher = |best: &EmFit| fit.log_likelihoods.last() > best.log_likelihoods.last();
-                if best.as_ref().is_none_or(higher) {
-                    best = Some(fit);
-                }
-            }
-            None => n_starts_collapsed += 1,
-        }
-        done(start as usize + 1);
+    fit_points(points, n_kinds, plan, floor_variance(points, plan)?, &Tally::new(done))
+}
+
+/// As [`fit_mixture`], with the least variance of a kind in any direction already known, counts².
+pub(crate) fn fit_points(
+    points: Points,
+    n_kinds: usize,
+    plan: &EmPlan,
+    floor: f64,
+    tally: &Tally,
+) -> Result<EmFit, EmError> {
+    let n_frames = points.n();
+    if n_frames < n_kinds {
+        return Err(EmError::TooFewFrames { n_frames, n_kinds });
     }
+    let short = EmPlan { n_iterations_max: plan.n_short_iterations, ..plan.clone() };
+    let run = |start: u64| {
+        let begun = begin(points, n_kinds, plan.seed, floor, start);
+        let fit = begun.and_then(|mixture| iterate(points, mixture, &short, floor));
+        tally.add();
+        fit
+    };
+    let fits: Vec<Option<EmFit>> = (0..plan.n_starts as u64).into_par_iter().map(run).collect();
+    let n_starts_collapsed = fits.iter().filter(|fit| fit.is_none()).count();
+    // The first of equals, so that it does not matter which thread was faster.
+    let likelier = |best: EmFit, fit: EmFit| match fit.log_likelihoods.last() > best.log_likelihoods.last() {
+        true => fit,
+        false => best,
+    };
     let collapsed = EmError::Collapsed { n_starts: plan.n_starts, n_kinds, n_frames };
-    let best = best.ok_or(collapsed.clone())?;
+    let best = fits.into_iter().flatten().reduce(likelier).ok_or(collapsed.clone())?;
     if best.converged {
         return Ok(EmFit { n_starts_collapsed, ..best });
     }
@@ -188,10 +202,8 @@ pub fn fit_mixture_from(coordinates: &[f64], start: Mixture, plan: &EmPlan) -> R
 }
 
 /// Variance below which no kind may fall in any direction, counts².
-fn floor_variance(points: Points, plan: &EmPlan) -> Result<f64, EmError> {
-    let responsibilities = vec![1.0; points.n()];
-    let (_, scatter) = scatter(points, 1, 0, &responsibilities, points.n() as f64);
-    let mean_variance = scatter.trace() / points.n_dims as f64;
+pub(crate) fn floor_variance(points: Points, plan: &EmPlan) -> Result<f64, EmError> {
+    let mean_variance = mean_variance(points);
     match mean_variance.is_finite() && mean_variance > 0.0 {
         true => Ok(plan.covariance_floor * mean_variance),
         false => Err(EmError::NoVariance { n_frames: points.n() }),
@@ -216,94 +228,25 @@ fn iterate(points: Points, mut mixture: Mixture, plan: &EmPlan, floor: f64) -> O
     Some(EmFit { mixture, log_likelihoods, converged, n_starts_collapsed: 0 })
 }
 
-/// E step: fills the responsibilities, shape `(n_frames, n_kinds)`, and returns the log-likelihood of all frames.
-fn expect(points: Points, mixture: &Mixture, responsibilities: &mut [f64]) -> f64 {
-    let rows = responsibilities.chunks_exact_mut(mixture.n_kinds());
-    points.rows().zip(rows).map(|(point, row)| mixture.posterior(point, row)).sum()
-}
-
-/// M step; `None` if a kind has less than one frame left, or no volume.
-fn maximise(points: Points, n_kinds: usize, responsibilities: &[f64], floor: f64) -> Option<Mixture> {
-    let n_dims = points.n_dims;
-    let mut weights = Vec::with_capacity(n_kinds);
-    let mut means = Vec::with_capacity(n_kinds * n_dims);
-    let mut covariances = Vec::with_capacity(n_kinds * n_dims * n_dims);
-    for kind in 0..n_kinds {
-        let share: f64 = responsibilities.iter().skip(kind).step_by(n_kinds).sum();
-        if share < 1.0 {
-            return None;
-        }
-        let (mean, scatter) = scatter(points, n_kinds, kind, responsibilities, share);
-        weights.push(share / points.n() as f64);
-        means.extend_from_slice(&mean);
-        covariances.extend_from_slice(raise_to_floor(scatter, floor).as_slice());
-    }
-    let sum: f64 = weights.iter().sum();
-    weights.iter_mut().for_each(|weight| *weight /= sum);
-    Mixture::new(n_dims, weights, means, covariances).ok()
-}
-
-/// Weighted mean and scatter of one kind.
-fn scatter(
-    points: Points,
-    n_kinds: usize,
-    kind: usize,
-    responsibilities: &[f64],
-    share: f64,
-) -> (Vec<f64>, DMatrix<f64>) {
-    let n_dims = points.n_dims;
-    let mine = || points.rows().zip(responsibilities.iter().skip(kind).step_by(n_kinds));
-    let mut mean = vec![0.0; n_dims];
-    for (point, responsibility) in mine() {
-        mean.iter_mut().zip(point).for_each(|(mean, place)| *mean += responsibility * place);
-    }
-    mean.iter_mut().for_each(|mean| *mean /= share);
-    let mut scatter = DMatrix::zeros(n_dims, n_dims);
-    let mut offset = vec![0.0; n_dims];
-    for (point, responsibility) in mine() {
-        offset.iter_mut().zip(point).zip(&mean).for_each(|((offset, place), mean)| *offset = place - mean);
-        for row in 0..n_dims {
-            let weighted = responsibility * offset[row];
-            for column in 0..=row {
-                scatter[(row, column)] += weighted * offset[column];
-            }
-        }
-    }
-    scatter.fill_upper_triangle_with_lower_triangle();
-    (mean, scatter / share)
-}
-
-/// The scatter with eigenvalues below the floor raised to it.
-fn raise_to_floor(scatter: DMatrix<f64>, floor: f64) -> DMatrix<f64> {
-    let eigen = scatter.clone().symmetric_eigen();
-    if eigen.eigenvalues.iter().all(|value| *value >= floor) {
-        return scatter;
-    }
-    let raised = DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(floor)));
-    let raised = &eigen.eigenvectors * raised * eigen.eigenvectors.transpose();
-    // The product is symmetric but for rounding.
-    (&raised + raised.transpose()) * 0.5
-}
-
 /// Rounds of Lloyd's algorithm at most, before expectation and maximisation take over.
 const N_LLOYD_ROUNDS_MAX: usize = 100;
 
 /// A start: k-means, each frame wholly its nearest centre's.
-fn begin(points: Points, plan: &EmPlan, floor: f64, start: u64) -> Option<Mixture> {
-    let mut random = ChaCha8Rng::seed_from_u64(plan.seed);
+fn begin(points: Points, n_kinds: usize, seed: u64, floor: f64, start: u64) -> Option<Mixture> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(start);
-    let mut centres = k_means_plus_plus(points, plan.n_kinds, &mut random);
+    let mut centres = k_means_plus_plus(points, n_kinds, &mut random);
     for _ in 0..N_LLOYD_ROUNDS_MAX {
         let moved = move_to_means(points, &centres);
         if std::mem::replace(&mut centres, moved.clone()) == moved {
             break;
         }
     }
-    let mut responsibilities = vec![0.0; points.n() * plan.n_kinds];
-    for (point, row) in points.rows().zip(responsibilities.chunks_exact_mut(plan.n_kinds)) {
-        row[nearest_centre(point, &centres).0] = 1.0;
+    let mut responsibilities = vec![0.0; n_kinds * points.n()];
+    for (index, point) in points.rows().enumerate() {
+        responsibilities[nearest_centre(point, &centres).0 * points.n() + index] = 1.0;
     }
-    maximise(points, plan.n_kinds, &responsibilities, floor)
+    maximise(points, n_kinds, &responsibilities, floor)
 }
 
 fn k_means_plus_plus(points: Points, n_centres: usize, random: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
@@ -355,6 +298,7 @@ fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::DMatrix;
     use proptest::prelude::*;
 
     use super::*;
@@ -371,7 +315,7 @@ mod tests {
     #[test]
     fn clouds_far_apart_become_one_kind_each() {
         let coordinates = clouds();
-        let fit = fit_mixture(&coordinates, 2, &EmPlan::new(3, 5), &mut |_| ()).unwrap();
+        let fit = fit_mixture(&coordinates, 2, 3, &EmPlan::new(5), &mut |_| ()).unwrap();
         assert!(fit.converged);
         let mut probabilities = [0.0; 3];
         let mut kind_of = |index: usize| {
@@ -399,8 +343,8 @@ mod tests {
             for _ in 0..duplicates {
                 coordinates.extend_from_within(..3);
             }
-            let plan = EmPlan { n_starts: 2, tolerance: -1.0, n_iterations_max: 60, ..EmPlan::new(n_kinds, seed) };
-            if let Ok(fit) = fit_mixture(&coordinates, 3, &plan, &mut |_| ()) {
+            let plan = EmPlan { n_starts: 2, tolerance: -1.0, n_iterations_max: 60, ..EmPlan::new(seed) };
+            if let Ok(fit) = fit_mixture(&coordinates, 3, n_kinds, &plan, &mut |_| ()) {
                 for pair in fit.log_likelihoods.windows(2) {
                     // Rounding of a sum of some 60 terms of some 10 nats.
                     prop_assert!(pair[1] >= pair[0] - 1e-9, "{} then {}", pair[0], pair[1]);
@@ -417,7 +361,7 @@ mod tests {
     #[test]
     fn what_cannot_be_fitted_is_refused_in_words() {
         let refuse = |coordinates: &[f64], n_kinds| {
-            fit_mixture(coordinates, 1, &EmPlan::new(n_kinds, 0), &mut |_| ()).unwrap_err().to_string()
+            fit_mixture(coordinates, 1, n_kinds, &EmPlan::new(0), &mut |_| ()).unwrap_err().to_string()
         };
         assert_eq!(
             refuse(&[1.0, 2.0], 3),

@@ -189,9 +189,8 @@ fn arrays(model: &Model) -> Vec<NamedArray<'_>> {
     ) -> NamedArray<'a> {
         NamedArray { name, dtype, shape: shape.to_vec(), bytes: bytemuck::cast_slice(numbers) }
     }
-    let Manifest { n_frames, plan, .. } = &model.manifest;
-    let (n_frames, n_landmarks) = (*n_frames, plan.n_landmarks);
-    let (n_dims, n_kinds) = (plan.n_dims, plan.em.n_kinds);
+    let Manifest { plan, n_frames, n_dims, n_kinds, .. } = &model.manifest;
+    let (n_frames, n_dims, n_kinds, n_landmarks) = (*n_frames, *n_dims, *n_kinds, plan.n_landmarks);
     let mut arrays = vec![
         array("frames", Dtype::U16, &[n_frames, plan.sensor.n_readings()], model.frames.counts()),
         array("response", Dtype::U16, &[TABLE_LEN], model.response.table()),
@@ -235,9 +234,8 @@ impl File<'_> {
     }
 
     fn assemble(&self, manifest: Manifest, text: &str) -> Result<Model, ModelFileError> {
-        let plan = &manifest.plan;
-        let (n_frames, n_landmarks) = (manifest.n_frames, plan.n_landmarks);
-        let (n_dims, n_kinds) = (plan.n_dims, plan.em.n_kinds);
+        let Manifest { ref plan, n_frames, n_dims, n_kinds, .. } = manifest;
+        let n_landmarks = plan.n_landmarks;
         let n_readings = plan.sensor.n_readings();
         if [n_frames, n_landmarks, n_dims, n_kinds, n_readings, plan.n_neighbors].contains(&0) {
             return Err(ModelFileError::Contents {
@@ -293,15 +291,21 @@ impl File<'_> {
 
 /// What the digest cannot vouch for in a file that somebody else's program wrote.
 fn check_contents(model: &Model) -> Result<(), ModelFileError> {
-    let Manifest { n_frames, plan, .. } = &model.manifest;
+    let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = &model.manifest;
+    let trips = &provenance.origin.n_frames;
     let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
     let units_m = plan.sensor.metres_per_count;
     let checks = [
         (
-            plan.em.n_kinds <= N_KINDS_MAX && plan.n_dims <= N_DIMS_MAX,
+            *n_kinds <= N_KINDS_MAX && *n_dims <= N_DIMS_MAX,
             "kinds or dimensions are more than a report holds",
         ),
         (plan.n_neighbors < *n_frames, "neighbours are more than its reference frames"),
+        (
+            trips.is_empty()
+                || trips.iter().try_fold(0, |sum: usize, n| sum.checked_add(*n)) == Some(*n_frames),
+            "trips have more or fewer frames than it has",
+        ),
         (units_m.is_finite() && units_m > 0.0, "sensor has no unit"),
         (
             model.landmarks.iter().all(|&landmark| (landmark as usize) < *n_frames),
@@ -325,5 +329,75 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
     match checks.into_iter().find(|(holds, _)| !holds) {
         Some((_, what)) => Err(ModelFileError::Contents { what }),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::em::EmPlan;
+    use crate::fit::fit;
+    use crate::frames::SensorLayout;
+    use crate::model::Origin;
+    use crate::plan::FitPlan;
+    use crate::response::{ResponsePlan, Scale};
+
+    /// Thirty frames of two trips.
+    fn model() -> Model {
+        let plan = FitPlan {
+            sensor: SensorLayout { rows: 1, columns: 3, metres_per_count: 0.001 },
+            response: ResponsePlan::new(Scale::Range, 4.0),
+            method: Method::Pca,
+            n_neighbors: 4,
+            n_landmarks: 30,
+            n_dims: Some(2),
+            n_kinds: Some(2),
+            em: EmPlan::new(0),
+            seed: 0,
+        };
+        let counts = (1..91_u32).map(|index| (index * index * 37 % 3001) as u16).collect();
+        let origin = Origin { n_frames: vec![12, 18], ..Origin::default() };
+        fit(counts, &plan, origin, &mut |_, _, _| ()).unwrap()
+    }
+
+    #[test]
+    fn numbers_that_cannot_be_are_refused_in_words_though_their_digest_is_right() {
+        let refuse = |change: fn(&mut Manifest)| {
+            let mut model = model();
+            change(&mut model.manifest);
+            from_bytes(&Bytes::from(to_bytes(&model))).unwrap_err().to_string()
+        };
+        assert_eq!(
+            refuse(|manifest| manifest.provenance.origin.n_frames = vec![12, 17]),
+            "the model's trips have more or fewer frames than it has; train anew"
+        );
+        assert_eq!(
+            refuse(|manifest| manifest.provenance.origin.n_frames = vec![usize::MAX, 31]),
+            "the model's trips have more or fewer frames than it has; train anew"
+        );
+        assert_eq!(
+            refuse(|manifest| manifest.plan.n_neighbors = 30),
+            "the model's neighbours are more than its reference frames; train anew"
+        );
+        assert_eq!(
+            refuse(|manifest| manifest.plan.sensor.metres_per_count = 0.0),
+            "the model's sensor has no unit; train anew"
+        );
+        assert_eq!(
+            refuse(|manifest| manifest.plan.n_neighbors = 0),
+            "the model's manifest announces none of something that it needs; train anew"
+        );
+    }
+
+    #[test]
+    fn a_manifest_and_arrays_of_other_sizes_are_refused_with_both() {
+        let mut bytes = to_bytes(&model());
+        // What an integer says of its size in the text does not change that of the text.
+        let place = bytes.windows(11).position(|window| window == b"n_kinds: 2,").expect("it is in there");
+        bytes[place + 9] = b'3';
+        assert_eq!(
+            from_bytes(&Bytes::from(bytes)).unwrap_err().to_string(),
+            "the model's array weights is F64 [2]; its manifest announces F64 [3]"
+        );
     }
 }

@@ -1,7 +1,9 @@
 //! Fits a model to the frames of a trip: response, neighbours, graph, geodesics, scaling, mixture, in this order.
 
 use crate::array::Array;
+use crate::autocorrelation::n_frames_effective;
 use crate::em::{EmError, EmFit, fit_mixture};
+use crate::evidence::{N_FITS, best_by_bic_neff, try_kinds};
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::graph::Graph;
@@ -10,11 +12,14 @@ use crate::mds::{Embedding, MdsError};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
 use crate::neighbors::{Neighbor, nearest_of_each, squared_distance};
 use crate::plan::{FitPlan, Method};
-use crate::residual_variance::residual_variance;
+use crate::residual_variance::{elbow, residual_variance};
 use crate::response::{Response, ResponseError};
 
 /// Dimensions that residual variance is computed for.
 const N_DIMS_REPORTED: usize = 30;
+
+/// Dimensions kept beyond the elbow of the residual variance. What lies there is little, but not all of it is noise.
+const N_DIMS_BEYOND_ELBOW: usize = 2;
 
 /// A part of the work, for whoever shows progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +35,18 @@ pub enum Step {
 }
 
 /// Told of a step, how much of it is done, and of how much.
-pub type Progress<'a> = dyn FnMut(Step, usize, usize) + 'a;
+///
+/// One thread at a time, but not always the same one.
+pub type Progress<'a> = dyn FnMut(Step, usize, usize) + Send + 'a;
+
+/// How many dimensions and kinds a model is refitted with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// As many as the model has: for a fair comparison.
+    Matched,
+    /// As many as the evidence speaks for, whatever the model's plan asked for.
+    Own,
+}
 
 /// Why no model could be fitted.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -94,13 +110,18 @@ pub fn fit(
     fit_frames(frames, response, plan, origin, progress)
 }
 
-/// Fits a model by a method to the reference frames of another, with all else as that one's plan has it.
+/// Fits a model by a method to the reference frames of another, with all else but the size as that one's plan has it.
 ///
 /// # Errors
 /// As [`fit`].
-pub fn refit(model: &Model, method: Method, progress: &mut Progress) -> Result<Model, FitError> {
-    let plan = FitPlan { method, ..model.manifest().plan.clone() };
-    let origin = model.manifest().provenance.origin.clone();
+pub fn refit(model: &Model, method: Method, size: Size, progress: &mut Progress) -> Result<Model, FitError> {
+    let Manifest { plan, n_dims, n_kinds, provenance, .. } = model.manifest();
+    let (n_dims, n_kinds) = match size {
+        Size::Matched => (Some(*n_dims), Some(*n_kinds)),
+        Size::Own => (None, None),
+    };
+    let plan = FitPlan { method, n_dims, n_kinds, ..plan.clone() };
+    let origin = provenance.origin.clone();
     fit_frames(model.frames().clone(), model.response().clone(), &plan, origin, progress)
 }
 
@@ -131,13 +152,14 @@ fn fit_frames(
     progress(Step::Embedding, 0, 1);
     let (embedding, coordinates) = embed(&frames, &landmarks, &metric, plan, &mut provenance)?;
     progress(Step::Embedding, 1, 1);
-    let em = find_kinds(&coordinates, plan, &mut provenance, progress)?;
+    let em = find_kinds(&coordinates, embedding.n_dims(), plan, &mut provenance, progress)?;
 
     let mut squared_radii: Vec<u64> =
         lists.chunks_exact(k).map(|list| list[k - 1].squared_distance).collect();
     squared_radii.sort_unstable();
     let plan = FitPlan { n_landmarks: landmarks.len(), ..plan.clone() };
-    let manifest = Manifest { format: crate::file::FORMAT, plan, n_frames, provenance };
+    let (n_dims, n_kinds) = (embedding.n_dims(), em.mixture.n_kinds());
+    let manifest = Manifest { format: crate::file::FORMAT, plan, n_frames, n_dims, n_kinds, provenance };
     let mut model = Model {
         id: ModelId([0; 16]),
         manifest,
@@ -159,16 +181,18 @@ fn check_counts(plan: &FitPlan, n_frames: usize) -> Result<(), FitError> {
         true => Ok(()),
         false => Err(FitError::Count { what, n, limit }),
     };
-    within("kinds", plan.em.n_kinds, N_KINDS_MAX)?;
-    within("dimensions", plan.n_dims, N_DIMS_MAX)?;
+    // What is left to the evidence is asked for as little as can be.
+    let n_kinds = plan.n_kinds.unwrap_or(1);
+    within("kinds", n_kinds, N_KINDS_MAX)?;
+    within("dimensions", plan.n_dims.unwrap_or(1), N_DIMS_MAX)?;
     within("neighbours", plan.n_neighbors, usize::MAX)?;
     within("landmarks", plan.n_landmarks, usize::MAX)?;
     within("starts of the mixture", plan.em.n_starts, usize::MAX)?;
     if n_frames <= plan.n_neighbors {
         return Err(FitError::TooFewFrames { n_frames, n_neighbors: plan.n_neighbors });
     }
-    if n_frames < plan.em.n_kinds {
-        return Err(EmError::TooFewFrames { n_frames, n_kinds: plan.em.n_kinds }.into());
+    if n_frames < n_kinds {
+        return Err(EmError::TooFewFrames { n_frames, n_kinds }.into());
     }
     Ok(())
 }
@@ -237,8 +261,8 @@ fn embed(
     if block.iter().all(|squared| *squared == 0.0) {
         return Err(FitError::AllEqual { n_frames });
     }
-    let n_dims_max = plan.n_dims.max(N_DIMS_REPORTED);
-    let (embedding, spectrum) = Embedding::fit(&block, n_landmarks, n_dims_max, plan.n_dims)?;
+    let n_dims_max = plan.n_dims.unwrap_or(0).max(N_DIMS_REPORTED);
+    let (embedding, spectrum) = Embedding::fit(&block, n_landmarks, n_dims_max, plan.n_dims.unwrap_or(1))?;
     provenance.negative_share = spectrum.negative_share();
     provenance.eigenvalues = spectrum.eigenvalues.iter().take(n_dims_max).copied().collect();
 
@@ -251,27 +275,44 @@ fn embed(
     let length = |frame_index: usize, lane: usize| squared[frame_index * n_landmarks + lane].sqrt();
     provenance.residual_variance = residual_variance(&coordinates, embedding.n_dims(), landmarks, length);
 
-    let kept: Vec<f64> = coordinates
-        .chunks_exact(embedding.n_dims())
-        .flat_map(|place| &place[..plan.n_dims])
-        .copied()
-        .collect();
-    Ok((embedding.truncated(plan.n_dims), kept.into()))
+    let curve = &provenance.residual_variance;
+    provenance.elbow = elbow(&curve[..curve.len().min(N_DIMS_REPORTED)]);
+    let n_dims = plan.n_dims.unwrap_or((provenance.elbow + N_DIMS_BEYOND_ELBOW).min(embedding.n_dims()));
+    let kept: Vec<f64> =
+        coordinates.chunks_exact(embedding.n_dims()).flat_map(|place| &place[..n_dims]).copied().collect();
+    Ok((embedding.truncated(n_dims), kept.into()))
 }
 
+/// Fits the mixture, of as many kinds as the plan asks for or the evidence speaks for.
 fn find_kinds(
     coordinates: &[f64],
+    n_dims: usize,
     plan: &FitPlan,
     provenance: &mut Provenance,
     progress: &mut Progress,
 ) -> Result<EmFit, FitError> {
-    let n_starts = plan.em.n_starts;
-    progress(Step::Kinds, 0, n_starts);
-    let em =
-        fit_mixture(coordinates, plan.n_dims, &plan.em, &mut |done| progress(Step::Kinds, done, n_starts))?;
-    let n_frames = (coordinates.len() / plan.n_dims) as f64;
+    let n_frames = coordinates.len() / n_dims;
+    let one = [n_frames];
+    let trips = if provenance.origin.n_frames.is_empty() { &one[..] } else { &provenance.origin.n_frames };
+    provenance.n_frames_effective = n_frames_effective(coordinates, n_dims, trips);
+
+    let n_tried = if plan.n_kinds.is_none() { N_FITS } else { 0 };
+    let n_fits = n_tried + plan.em.n_starts;
+    progress(Step::Kinds, 0, n_fits);
+    let n_kinds = match plan.n_kinds {
+        Some(n_kinds) => n_kinds,
+        None => {
+            let mut done = |n_done| progress(Step::Kinds, n_done, n_fits);
+            let trials = try_kinds(coordinates, n_dims, provenance.n_frames_effective, &plan.em, &mut done)?;
+            provenance.kinds_tried = trials;
+            best_by_bic_neff(&provenance.kinds_tried).expect("one kind is tried at least").n_kinds
+        }
+    };
+    let mut done = |n_done| progress(Step::Kinds, n_tried + n_done, n_fits);
+    let em = fit_mixture(coordinates, n_dims, n_kinds, &plan.em, &mut done)?;
     provenance.log_likelihood = em.log_likelihoods[em.log_likelihoods.len() - 1];
-    provenance.bic = -2.0 * provenance.log_likelihood + em.mixture.n_parameters() as f64 * n_frames.ln();
+    provenance.bic =
+        -2.0 * provenance.log_likelihood + em.mixture.n_parameters() as f64 * (n_frames as f64).ln();
     provenance.n_iterations = em.log_likelihoods.len() - 1;
     provenance.converged = em.converged;
     provenance.n_starts_collapsed = em.n_starts_collapsed;

@@ -1,7 +1,9 @@
 //! The mathematics: from frames to kinds, fitting and inference.
 //!
 //! This crate knows neither clock, file, log nor shared memory. Time does not occur in it, randomness comes in as a
-//! seed, a model comes and goes as bytes. Everything in it follows Grollman, Jenkins & Wood, *Discovering Natural
+//! seed, a model comes and goes as bytes. Fits that do not depend on each other run side by side on the threads of
+//! whoever calls (rayon's, of which the crate makes none), and what comes out does not depend on how many these are.
+//! Everything in it follows Grollman, Jenkins & Wood, *Discovering Natural
 //! Kinds of Robot Sensory Experiences in Unstructured Environments*, corrected where it misprints (see
 //! [`mds`] and [`mixture`]).
 //!
@@ -27,14 +29,17 @@
 //! | λ, V | `eigenvalues`, `eigenvectors` | (d), (n, d) | of B = −½ H Δ H, H = I − 11ᵀ/n; positive, descending |
 //! | P | `projection` | (n, d) | ½ V Λ^(−½), landmark by landmark |
 //! | e(p) | `coordinates` | (d) | embedding of a frame p: P (δ̄ − δ(p)) |
+//! | τ, N_eff | `n_frames_effective` | | integrated autocorrelation time of the embedded trip, and N / τ |
 //! | J, α, μ, Σ | `n_kinds`, `weights`, `means`, `covariances` | | Gaussian mixture; one component is one kind |
 //!
 //! Lengths are in counts of the response's scale (see [`response`]), squared lengths in counts².
 #![forbid(unsafe_code)]
 
 pub mod array;
+pub mod autocorrelation;
 pub mod classify;
 pub mod em;
+pub mod evidence;
 pub mod file;
 pub mod fit;
 pub mod frames;
@@ -48,11 +53,12 @@ pub mod neighbors;
 pub mod plan;
 pub mod residual_variance;
 pub mod response;
+mod tally;
 
 pub use classify::{Classification, Classifier, Status};
 pub use em::EmPlan;
 pub use file::ModelFileError;
-pub use fit::{FitError, Step, fit, refit};
+pub use fit::{FitError, Size, Step, fit, refit};
 pub use frames::{Frames, SensorLayout};
 pub use model::{KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
 pub use plan::{FitPlan, Method};

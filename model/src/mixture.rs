@@ -8,6 +8,12 @@ use std::f64::consts::TAU;
 
 use nalgebra::DMatrix;
 
+/// Frames that are taken side by side where there are many.
+pub(crate) const LANES: usize = 8;
+
+/// One number for each of [`LANES`] frames.
+pub(crate) type Lanes = [f64; LANES];
+
 /// J Gaussians in d dimensions.
 #[derive(Clone, Debug)]
 pub struct Mixture {
@@ -148,6 +154,31 @@ impl Mixture {
             squared += along * along;
         }
         squared
+    }
+
+    /// `ln α + ln p(e | kind)` of several places side by side, each with the bits that it has alone.
+    ///
+    /// * `places` — shape `(n_dims, LANES)`, counts
+    /// * `offsets` — of the same shape; overwritten
+    pub(crate) fn log_joints(&self, kind: usize, places: &[Lanes], offsets: &mut [Lanes]) -> Lanes {
+        let d = self.n_dims;
+        let mean = &self.means[kind * d..][..d];
+        for ((offset, place), mean) in offsets.iter_mut().zip(places).zip(mean) {
+            *offset = place.map(|place| place - mean);
+        }
+        let mut squared = [0.0; LANES];
+        for (row, weights) in self.whitenings[kind * d * d..][..d * d].chunks_exact(d).enumerate() {
+            let mut along = [0.0; LANES];
+            for (weight, offset) in weights[..=row].iter().zip(&*offsets) {
+                for lane in 0..LANES {
+                    along[lane] += weight * offset[lane];
+                }
+            }
+            for lane in 0..LANES {
+                squared[lane] += along[lane] * along[lane];
+            }
+        }
+        squared.map(|squared| self.log_peaks[kind] - 0.5 * squared)
     }
 
     /// Computes the posterior of every kind, `P(j | e) ∝ α_j p(e | j)`, and returns the log-likelihood `ln p(e)`.

@@ -28,7 +28,11 @@ pub struct Manifest {
     pub plan: FitPlan,
     /// N.
     pub n_frames: usize,
-    /// Where it came from. Nothing is computed from it.
+    /// d.
+    pub n_dims: usize,
+    /// J.
+    pub n_kinds: usize,
+    /// Where it came from, and why it is as it is. Classifying needs none of it.
     pub provenance: Provenance,
 }
 
@@ -92,6 +96,9 @@ pub struct KindsTrial {
 pub struct Origin {
     /// Names of the trips' files, without their folders: the same trip makes the same model wherever it lies.
     pub trips: Vec<String>,
+    /// Frames of each trip that were kept. What follows each other in a trip is alike; where the next begins, it is not.
+    /// Empty: all frames are of one trip.
+    pub n_frames: Vec<usize>,
     /// Frames of the trips that were left out because no reading was valid.
     pub n_frames_invalid: usize,
 }

@@ -17,7 +17,7 @@ pub enum Method {
     Pca,
 }
 
-/// What to fit.
+/// What to fit: what was asked for. What came of it, a model's manifest says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FitPlan {
@@ -31,9 +31,11 @@ pub struct FitPlan {
     pub n_neighbors: usize,
     /// n; all frames if there are no more.
     pub n_landmarks: usize,
-    /// d.
-    pub n_dims: usize,
-    /// J, and how they are found.
+    /// d. None: by evidence, two more than where the residual variance bends.
+    pub n_dims: Option<usize>,
+    /// J. None: by evidence, the number with the least BIC_neff.
+    pub n_kinds: Option<usize>,
+    /// How kinds are found.
     pub em: EmPlan,
     /// Seed of the landmarks.
     pub seed: u64,

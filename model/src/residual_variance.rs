@@ -33,6 +33,26 @@ pub fn residual_variance(
     moments.iter().map(|moments| 1.0 - moments.r_squared()).collect()
 }
 
+/// Where the curve of residual variances bends, in dimensions: more of them explain little more.
+///
+/// Satopää, Albrecht, Irwin & Raghavan 2011, *Finding a "kneedle" in a haystack*, for a falling convex curve without
+/// smoothing: with both axes scaled to 0…1, the point farthest below the line from the curve's beginning to its end,
+/// the largest `1 − x − y`. 1 where the curve does not fall.
+///
+/// * `residual_variances` — of 1, 2, … dimensions, at least one
+pub fn elbow(residual_variances: &[f64]) -> usize {
+    let lowest = residual_variances.iter().copied().fold(f64::INFINITY, f64::min);
+    let highest = residual_variances.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let last = residual_variances.len() - 1;
+    if last == 0 || highest <= lowest {
+        return 1;
+    }
+    let below = |index: usize| {
+        1.0 - index as f64 / last as f64 - (residual_variances[index] - lowest) / (highest - lowest)
+    };
+    1 + (1..=last).fold(0, |best, index| if below(index) > below(best) { index } else { best })
+}
+
 /// Running means and co-moments of pairs (Welford's update: no cancellation over millions of pairs).
 #[derive(Clone, Default)]
 struct Moments {
@@ -64,6 +84,18 @@ impl Moments {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_elbow_is_farthest_below_the_line_from_beginning_to_end() {
+        // Below the line from (0, 1) to (1, 0): 0, .35, .483, .25, 0.
+        assert_eq!(elbow(&[0.8, 0.4, 0.08, 0.06, 0.05]), 3);
+        // A straight fall has none: all are on the line.
+        assert_eq!(elbow(&[1.0, 0.75, 0.5, 0.25, 0.0]), 1);
+        assert_eq!(elbow(&[0.3]), 1);
+        assert_eq!(elbow(&[0.3, 0.3, 0.3]), 1);
+        // The end may rise a little, as with geodesics that fit into no Euclidean space.
+        assert_eq!(elbow(&[0.5, 0.1, 0.01, 0.02, 0.03]), 2);
+    }
 
     #[test]
     fn distances_that_the_embedding_keeps_leave_nothing_unexplained() {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bytes::Bytes;
 use kinds_model::{
     Classifier, EmPlan, FitError, FitPlan, Frames, Method, Model, ModelFileError, Origin, ResponsePlan,
-    Scale, SensorLayout, Status, file, fit, neighbors, refit,
+    Scale, SensorLayout, Size, Status, file, fit, neighbors, refit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -38,8 +38,9 @@ fn plan(method: Method) -> FitPlan {
         method,
         n_neighbors: 6,
         n_landmarks: 40,
-        n_dims: 3,
-        em: EmPlan::new(3, 1),
+        n_dims: Some(3),
+        n_kinds: Some(3),
+        em: EmPlan::new(1),
         seed: 1,
     }
 }
@@ -64,7 +65,7 @@ fn a_reference_frame_embeds_out_of_sample_to_its_in_sample_coordinates_bit_for_b
 #[test]
 fn euclidean_distances_between_all_frames_are_kept_by_all_components() {
     // A second method: as many components as readings keep every distance on the response's scale.
-    let all = FitPlan { n_landmarks: usize::MAX, n_dims: N_READINGS, ..plan(Method::Pca) };
+    let all = FitPlan { n_landmarks: usize::MAX, n_dims: Some(N_READINGS), ..plan(Method::Pca) };
     let model = fit(trip(60, 5), &all, Origin::default(), &mut |_, _, _| ()).unwrap();
     let place = |index: usize| &model.coordinates()[index * N_READINGS..][..N_READINGS];
     for a in 0..60 {
@@ -87,8 +88,22 @@ fn the_same_frames_and_plan_give_the_same_bytes() {
 #[test]
 fn refitting_by_the_same_method_gives_the_same_model() {
     let model = model(Method::Isomap);
-    let again = refit(&model, Method::Isomap, &mut |_, _, _| ()).unwrap();
+    let again = refit(&model, Method::Isomap, Size::Matched, &mut |_, _, _| ()).unwrap();
     assert_eq!(again.id(), model.id());
+}
+
+#[test]
+fn refitting_at_matched_size_keeps_dimensions_and_kinds_and_at_its_own_asks_the_evidence() {
+    let by_evidence = |method| FitPlan { n_dims: None, n_kinds: None, ..plan(method) };
+    let fitted = |plan| fit(trip(150, 3), &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
+    let isomap = fitted(by_evidence(Method::Isomap));
+    let size = |model: &Model| (model.embedding().n_dims(), model.mixture().n_kinds());
+    let matched = refit(&isomap, Method::Pca, Size::Matched, &mut |_, _, _| ()).unwrap();
+    assert_eq!(size(&matched), size(&isomap));
+    assert!(matched.manifest().provenance.kinds_tried.is_empty());
+    // Whatever was asked for the first time.
+    let own = refit(&model(Method::Isomap), Method::Pca, Size::Own, &mut |_, _, _| ()).unwrap();
+    assert_eq!(own.id(), fitted(by_evidence(Method::Pca)).id());
 }
 
 #[test]
@@ -143,7 +158,7 @@ fn what_cannot_be_fitted_is_refused_in_words() {
         "6 frames are too few for 6 neighbours each; ask for fewer neighbours or record a longer trip"
     );
     assert_eq!(
-        refuse(trip(5, 0), FitPlan { em: EmPlan::new(9, 0), ..isomap.clone() }).to_string(),
+        refuse(trip(5, 0), FitPlan { n_kinds: Some(9), ..isomap.clone() }).to_string(),
         "8 frames cannot make 9 kinds; ask for fewer kinds or record a longer trip"
     );
     assert_eq!(
@@ -151,11 +166,11 @@ fn what_cannot_be_fitted_is_refused_in_words() {
         "all 20 frames are equal on the response's scale; there is nothing to tell kinds by"
     );
     assert_eq!(
-        refuse(trip(20, 0), FitPlan { n_dims: 40, ..isomap.clone() }).to_string(),
+        refuse(trip(20, 0), FitPlan { n_dims: Some(40), ..isomap.clone() }).to_string(),
         "40 dimensions were asked for; there must be between 1 and 32"
     );
     assert!(matches!(
-        refuse(trip(20, 0), FitPlan { n_dims: 20, n_landmarks: 10, ..isomap }),
+        refuse(trip(20, 0), FitPlan { n_dims: Some(20), n_landmarks: 10, ..isomap }),
         FitError::Mds(_)
     ));
 }

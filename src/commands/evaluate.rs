@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use kinds_model::Model;
-use kinds_trainer::{Evaluation, EvaluationPlan, MethodScores, load};
+use kinds_trainer::{Evaluation, EvaluationPlan, Meeting, MethodScores, Rivals, Stage, load};
 use kinds_trips::Selection;
 
 use crate::cli::EvaluateArguments;
@@ -46,11 +46,12 @@ pub(crate) fn evaluate(
         Ok::<_, Failure>(trip)
     };
     let (first, second) = (read(trips[0])?, read(trips[1])?);
-    let evaluation = kinds_trainer::evaluate(model, &first, &second, plan, &mut |stage, done, all| {
-        bar.show(stage, done, all);
-    });
+    let meeting = Meeting::find(model.layout(), &first, &second, plan)?;
+    let mut show = |stage: Stage, done, all| bar.show(stage, done, all);
+    let rivals = Rivals::of(model, &mut show)?;
+    let evaluation = kinds_trainer::evaluate(&rivals, &meeting, &mut show);
     bar.clear();
-    Ok(evaluation?)
+    Ok(evaluation)
 }
 
 /// What was measured, for a person.

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use kinds_model::{Manifest, Model};
+use kinds_model::{KindsTrial, Manifest, Model};
 use serde::Serialize;
 
 use crate::cli::InspectArguments;
@@ -33,7 +33,7 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<(), Failure> {
 }
 
 fn describe(model: &Model) -> String {
-    let Manifest { plan, n_frames, provenance, .. } = model.manifest();
+    let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = model.manifest();
     let response = &plan.response;
     let mut lines = vec![
         ("model", model.id().to_string()),
@@ -77,18 +77,30 @@ fn describe(model: &Model) -> String {
     let residual: Vec<String> =
         provenance.residual_variance.iter().take(15).map(|share| format!("{share:.3}")).collect();
     lines.extend([
-        ("dimensions", format!("{} kept; residual variance of 1, 2, …: {}", plan.n_dims, residual.join(" "))),
+        (
+            "dimensions",
+            format!(
+                "{n_dims}, {}: elbow at {}; residual variance of 1, 2, …: {}",
+                asked_or_evidence(plan.n_dims),
+                provenance.elbow,
+                residual.join(" ")
+            ),
+        ),
         ("negative", format!("{:.1} % of the eigenvalues' magnitude", 100.0 * provenance.negative_share)),
         (
             "kinds",
             format!(
-                "{}; log-likelihood {:.1} nats, BIC {:.1}, {} iterations{}",
-                plan.em.n_kinds,
+                "{n_kinds}, {}; log-likelihood {:.1} nats, BIC {:.1}, {} iterations{}",
+                asked_or_evidence(plan.n_kinds),
                 provenance.log_likelihood,
                 provenance.bic,
                 provenance.n_iterations,
                 if provenance.converged { "" } else { " (not converged)" }
             ),
+        ),
+        (
+            "independent",
+            format!("the frames count as {:.1} that are independent", provenance.n_frames_effective),
         ),
     ]);
     let mut text: String = lines.iter().map(|(name, value)| format!("{name:12} {value}\n")).collect();
@@ -96,6 +108,41 @@ fn describe(model: &Model) -> String {
     for (kind, weight) in model.mixture().weights().iter().enumerate() {
         text +=
             &format!("{kind:4} {:6.1} %  {}\n", 100.0 * weight, "█".repeat((40.0 * weight).round() as usize));
+    }
+    if !provenance.kinds_tried.is_empty() {
+        text += &curve(&provenance.kinds_tried, *n_kinds);
+    }
+    text
+}
+
+fn asked_or_evidence(asked: Option<usize>) -> &'static str {
+    if asked.is_some() { "as asked for" } else { "by evidence" }
+}
+
+/// What speaks for each number of kinds that was tried, a line each: a star at the best of each column, an arrow at the
+/// number that the model has.
+fn curve(tried: &[KindsTrial], n_kinds: usize) -> String {
+    let stars = |best: fn(&KindsTrial) -> f64| {
+        let least = tried.iter().map(best).fold(f64::INFINITY, f64::min);
+        move |trial: &KindsTrial| if best(trial) == least { '*' } else { ' ' }
+    };
+    let (bic, caic) = (stars(|trial| trial.bic), stars(|trial| trial.caic));
+    let (bic_neff, held_out) = (stars(|trial| trial.bic_neff), stars(|trial| -trial.held_out));
+    let mut text = "\nkinds tried        BIC         CAIC     BIC_neff   held out\n".to_string();
+    for trial in tried {
+        text += &format!(
+            "{:11} {:10.1}{} {:11.1}{} {:11.1}{} {:9.3}{}{}\n",
+            trial.n_kinds,
+            trial.bic,
+            bic(trial),
+            trial.caic,
+            caic(trial),
+            trial.bic_neff,
+            bic_neff(trial),
+            trial.held_out,
+            held_out(trial),
+            if trial.n_kinds == n_kinds { " ←" } else { "" },
+        );
     }
     text
 }

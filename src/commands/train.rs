@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use kinds_model::{Method, Model, Scale};
+use kinds_model::{KindsTrial, Manifest, Method, Model, Scale};
 use kinds_trainer::{Config, Trained};
 
 use crate::cli::TrainArguments;
@@ -26,6 +26,9 @@ pub(crate) fn run(arguments: TrainArguments) -> Result<(), Failure> {
     let (path, n_mb) = (arguments.output.display(), n_bytes as f64 / 1e6);
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", summary(&model))?;
+    for line in choices(&model) {
+        writeln!(out, "{line}")?;
+    }
     writeln!(out, "wrote {path} ({n_mb:.1} MB, model {})", model.id())?;
     Ok(())
 }
@@ -47,17 +50,43 @@ fn read_config(path: &Path) -> Result<Config, Failure> {
 
 /// What was learnt, in a line.
 pub(crate) fn summary(model: &Model) -> String {
-    let (plan, provenance) = (&model.manifest().plan, &model.manifest().provenance);
+    let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = model.manifest();
     format!(
-        "learnt {} kinds from {} frames of {} readings: {} of {} in {} dimensions, residual variance {:.4}",
-        plan.em.n_kinds,
-        model.manifest().n_frames,
+        "learnt {n_kinds} {} from {n_frames} frames of {} readings: {} of {} in {n_dims} dimensions, residual variance \
+         {:.4}",
+        if *n_kinds == 1 { "kind" } else { "kinds" },
         plan.sensor.n_readings(),
         method_name(plan.method),
         scale_name(plan.response.scale),
-        plan.n_dims,
-        provenance.residual_variance[plan.n_dims - 1],
+        provenance.residual_variance[n_dims - 1],
     )
+}
+
+/// What was left to the evidence, and why it came out so, in a line each.
+pub(crate) fn choices(model: &Model) -> Vec<String> {
+    let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = model.manifest();
+    let mut lines = Vec::new();
+    if plan.n_dims.is_none() {
+        let elbow = provenance.elbow;
+        lines.push(format!(
+            "dimensions: {n_dims}, the elbow of the residual variance at {elbow} and {} more",
+            n_dims - elbow
+        ));
+    }
+    let mut tried: Vec<&KindsTrial> = provenance.kinds_tried.iter().collect();
+    tried.sort_by(|a, b| a.bic_neff.total_cmp(&b.bic_neff));
+    if let [best, second, ..] = tried[..] {
+        lines.push(format!(
+            "kinds: {n_kinds}, the least BIC_neff of 1 to {}: {:.1} nats, {:.1} less than {} kinds; {n_frames} frames \
+             count as {:.0} independent ones",
+            tried.len(),
+            best.bic_neff,
+            second.bic_neff - best.bic_neff,
+            second.n_kinds,
+            provenance.n_frames_effective,
+        ));
+    }
+    lines
 }
 
 pub(crate) fn method_name(method: Method) -> &'static str {

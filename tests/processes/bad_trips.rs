@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::robot::{FIRST, MODEL, Robot, SECOND, SENSOR};
+use crate::robot::{FIRST, MODEL, Robot, SECOND, SENSOR, SIZE};
 use crate::world::Trip;
 
 /// What is said of [`Trip::SECOND`] with half the readings from its 51st frame on.
@@ -98,7 +98,7 @@ fn a_trip_that_was_cut_off_is_used_up_to_there_and_that_is_said() {
     let robot = Robot::trained();
     let n_frames = write_cut_off(&robot, "cut.mcap");
     let said = format!("kinds: {}\n", cut_off(&robot, "cut.mcap"));
-    let trained = robot.run(&["train", "cut.mcap", "--output", "cut.kinds"]);
+    let trained = robot.run(&[&["train", "cut.mcap", "--output", "cut.kinds"][..], &SIZE].concat());
     assert_eq!((trained.code, &trained.stderr), (Some(0), &said));
     let inspection: Value =
         serde_json::from_str(&robot.succeed(&["inspect", "cut.kinds", "--json"])).unwrap();
@@ -212,7 +212,7 @@ fn frames_that_tell_nothing_are_a_sentence() {
 fn frames_without_any_valid_reading_are_left_out_and_that_is_said() {
     let robot = Robot::trained();
     Trip { invalid_frames: &[3, 40, 41], ..Trip::FIRST }.write(&robot.path("some.mcap"));
-    let outcome = robot.run(&["train", "some.mcap", "--output", "some.kinds"]);
+    let outcome = robot.run(&[&["train", "some.mcap", "--output", "some.kinds"][..], &SIZE].concat());
     assert_eq!(outcome.code, Some(0));
     assert_eq!(outcome.stderr, "kinds: 3 frames without any valid reading were left out\n");
     assert!(outcome.stdout.starts_with("learnt 5 kinds from 157 frames of 16 readings"), "{outcome:?}");

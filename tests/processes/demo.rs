@@ -39,7 +39,7 @@ fn demo_drives_learns_serves_and_prints_what_its_evaluations_say() {
     assert_eq!(tables, evaluations, "{}", outcome.stdout);
     let report = String::from_utf8(robot.read("results/report/report.html")).unwrap();
     for row in tables.iter().flatten() {
-        let kappa = format!("{:.2}", row[4]);
+        let kappa = format!("{:.2}", row[4]).replace('-', "−");
         assert!(report.contains(&kappa), "κ {kappa} is printed and not in the report");
     }
 }

@@ -2,16 +2,20 @@
 
 use serde_json::Value;
 
-use crate::robot::{MODEL, Robot};
+use crate::robot::{MODEL, Robot, SIZE};
 
 const DEMO: [&str; 2] = [
-    concat!(env!("CARGO_MANIFEST_DIR"), "/demo/trip1.mcap"),
-    concat!(env!("CARGO_MANIFEST_DIR"), "/demo/trip2.mcap"),
+    concat!(env!("CARGO_MANIFEST_DIR"), "/tests/replay/ring1.mcap"),
+    concat!(env!("CARGO_MANIFEST_DIR"), "/tests/replay/ring2.mcap"),
 ];
 
 fn evaluate(robot: &Robot, flags: &[&str]) -> Value {
     let arguments = [&["evaluate", MODEL, DEMO[0], DEMO[1], "--json"], flags].concat();
     serde_json::from_str(&robot.succeed(&arguments)).unwrap()
+}
+
+fn train(robot: &Robot, method: &str) {
+    robot.succeed(&[&["train", DEMO[0], "--output", MODEL, "--method", method][..], &SIZE].concat());
 }
 
 fn fields(value: &Value) -> Vec<&str> {
@@ -21,7 +25,7 @@ fn fields(value: &Value) -> Vec<&str> {
 #[test]
 fn evaluation_has_the_fields_that_scripts_rely_on_and_kinds_are_better_than_chance() {
     let robot = Robot::new();
-    robot.succeed(&["train", DEMO[0], "--output", MODEL]);
+    train(&robot, "isomap");
     let evaluation = evaluate(&robot, &[]);
     assert_eq!(fields(&evaluation), ["methods", "radius_m", "revisited", "share"]);
     assert_eq!((&evaluation["radius_m"], &evaluation["share"]), (&0.3.into(), &0.5.into()));
@@ -58,9 +62,9 @@ fn evaluation_has_the_fields_that_scripts_rely_on_and_kinds_are_better_than_chan
 #[test]
 fn a_model_of_either_method_is_compared_with_the_other() {
     let robot = Robot::new();
-    robot.succeed(&["train", DEMO[0], "--output", MODEL]);
+    train(&robot, "isomap");
     let isomap = evaluate(&robot, &[]);
-    robot.succeed(&["train", DEMO[0], "--output", MODEL, "--method", "pca"]);
+    train(&robot, "pca");
     let pca = evaluate(&robot, &[]);
     assert_eq!(isomap, pca);
 }

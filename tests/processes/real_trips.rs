@@ -31,7 +31,8 @@ fn every_one_of_500_depth_images_gets_a_report_equal_to_classifying_it_here() {
         return;
     };
     let robot = Robot::new();
-    let told = robot.succeed(&["train", first.to_str().unwrap(), "--output", MODEL]);
+    let first = first.to_str().unwrap();
+    let told = robot.succeed(&["train", first, "--output", MODEL, "--dims", "15", "--kinds", "8"]);
     assert!(told.starts_with("learnt 8 kinds from 500 frames of 19840 readings"), "{told}");
     let consumer = robot.join();
     let service = robot.serve();

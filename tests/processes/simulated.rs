@@ -1,9 +1,12 @@
 //! `kinds publish --simulate`: a robot that nobody has.
 
+use std::path::Path;
+
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot as Simulated};
 
 use crate::robot::{Robot, SENSOR};
 use crate::running::await_that;
+use crate::world::read_trip;
 
 /// Reads the first frames that a simulated robot publishes, and compares them with driving it here.
 fn check(arguments: &[&str], mut here: Box<dyn Simulated>) {
@@ -41,6 +44,22 @@ fn crunch_drives_the_floor_and_trip_that_are_asked_for() {
 #[test]
 fn chew_drives_on_its_campus() {
     check(&["chew", "--trip", "2", "--speed", "2"], Box::new(Chew::new(2, 0)));
+}
+
+/// Every 38th frame of its second trip, `tests/replay/README.md`: the same on every machine, pixel for pixel. A change here
+/// changes everybody's simulated trips: say so in the change log.
+#[test]
+fn chew_still_sees_what_the_recording_that_the_repository_carries_has_of_it() {
+    const EVERY: usize = 38;
+    let recorded = read_trip(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/replay/camera2.mcap")));
+    let mut chew = Chew::new(2, 0);
+    let mut counts = vec![0; chew.layout().n_readings()];
+    for (index, (frame, expected)) in recorded.iter().take(6).enumerate() {
+        let n_steps = if index == 0 { 1 } else { EVERY };
+        let moment = (0..n_steps).map(|_| chew.step(&mut counts).unwrap()).last().unwrap();
+        assert_eq!(frame.captured, moment.captured);
+        assert!(*expected == counts, "frame {} has changed", index * EVERY);
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::robot::{FIRST, MODEL, Robot, SECOND};
+use crate::robot::{FIRST, MODEL, Robot, SECOND, SIZE};
 
 fn inspect(robot: &Robot, model: &str) -> Value {
     serde_json::from_str(&robot.succeed(&["inspect", model, "--json"])).unwrap()
@@ -11,9 +11,12 @@ fn inspect(robot: &Robot, model: &str) -> Value {
 #[test]
 fn the_same_trip_and_seed_give_the_same_bytes_and_another_seed_another_model() {
     let robot = Robot::trained();
-    robot.succeed(&["train", FIRST, "--output", "again.kinds", "--seed", "0"]);
+    let train = |output, seed| {
+        robot.succeed(&[&["train", FIRST, "--output", output, "--seed", seed][..], &SIZE].concat());
+    };
+    train("again.kinds", "0");
     assert!(robot.read("again.kinds") == robot.read(MODEL), "0 is the default seed");
-    robot.succeed(&["train", FIRST, "--output", "other.kinds", "--seed", "1"]);
+    train("other.kinds", "1");
     assert_ne!(inspect(&robot, "other.kinds")["model_id"], inspect(&robot, MODEL)["model_id"]);
 }
 
@@ -41,7 +44,7 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
     let plans =
         [inspect(&robot, "file.kinds"), inspect(&robot, "over.kinds")].map(|model| model["plan"].clone());
     let [file, over] = plans;
-    assert_eq!((&file["em"]["n_kinds"], &over["em"]["n_kinds"]), (&4.into(), &2.into()));
+    assert_eq!((&file["n_kinds"], &over["n_kinds"]), (&4.into(), &2.into()));
     for (name, value) in [
         ("method", "Pca".into()),
         ("n_neighbors", 7.into()),
@@ -62,7 +65,7 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
 #[test]
 fn training_says_what_was_learnt_and_where_it_is() {
     let robot = Robot::trained();
-    let told = robot.succeed(&["train", FIRST, SECOND, "--output", "both.kinds"]);
+    let told = robot.succeed(&[&["train", FIRST, SECOND, "--output", "both.kinds"][..], &SIZE].concat());
     let (learnt, wrote) = told.trim_end().split_once('\n').unwrap();
     let beginning = "learnt 5 kinds from 290 frames of 16 readings: Isomap of inverse ranges in 8 dimensions, residual \
                      variance 0.";
@@ -70,6 +73,64 @@ fn training_says_what_was_learnt_and_where_it_is() {
     let model = crate::world::open_model(&robot.path("both.kinds"));
     let n_mb = robot.read("both.kinds").len() as f64 / 1e6;
     assert_eq!(wrote, format!("wrote both.kinds ({n_mb:.1} MB, model {})", model.id()));
+    assert_eq!(
+        inspect(&robot, "both.kinds")["provenance"]["origin"]["n_frames"],
+        serde_json::json!([160, 130])
+    );
+}
+
+#[test]
+fn what_is_left_to_the_evidence_is_chosen_and_both_train_and_inspect_say_why() {
+    let robot = Robot::trained();
+    let outcome = robot.run(&["train", FIRST, "--output", "chosen.kinds"]);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    let inspection = inspect(&robot, "chosen.kinds");
+    assert_eq!((&inspection["plan"]["n_dims"], &inspection["plan"]["n_kinds"]), (&Value::Null, &Value::Null));
+    let provenance = &inspection["provenance"];
+    let (n_dims, n_kinds, elbow) = (&inspection["n_dims"], &inspection["n_kinds"], &provenance["elbow"]);
+    assert_eq!(n_dims.as_u64().unwrap(), elbow.as_u64().unwrap() + 2);
+    let tried = provenance["kinds_tried"].as_array().unwrap();
+    let mut by_bic_neff: Vec<(f64, &Value)> =
+        tried.iter().map(|trial| (trial["bic_neff"].as_f64().unwrap(), &trial["n_kinds"])).collect();
+    by_bic_neff.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let [(best, number), (second, runner_up), ..] = by_bic_neff[..] else { panic!("{tried:?}") };
+    assert_eq!(number, n_kinds);
+    let n_effective = provenance["n_frames_effective"].as_f64().unwrap();
+    for line in [
+        format!("dimensions: {n_dims}, the elbow of the residual variance at {elbow} and 2 more"),
+        format!(
+            "kinds: {n_kinds}, the least BIC_neff of 1 to {}: {best:.1} nats, {:.1} less than {runner_up} kinds; \
+             160 frames count as {n_effective:.0} independent ones",
+            tried.len(),
+            second - best
+        ),
+    ] {
+        assert!(outcome.stdout.lines().any(|found| found == line), "no {line:?} in {}", outcome.stdout);
+    }
+
+    let text = robot.succeed(&["inspect", "chosen.kinds"]);
+    let beginning =
+        format!("dimensions   {n_dims}, by evidence: elbow at {elbow}; residual variance of 1, 2, …: ");
+    assert!(text.lines().any(|line| line.starts_with(&beginning)), "{text}");
+    let beginning = format!("kinds        {n_kinds}, by evidence; log-likelihood ");
+    assert!(text.lines().any(|line| line.starts_with(&beginning)), "{text}");
+    let (_, curve) =
+        text.split_once("\nkinds tried        BIC         CAIC     BIC_neff   held out\n").unwrap();
+    assert_eq!(curve.lines().count(), tried.len());
+    for (line, trial) in curve.lines().zip(tried) {
+        let numbers: Vec<&str> =
+            line.split(|c: char| " *←".contains(c)).filter(|word| !word.is_empty()).collect();
+        let number = |field: &str, n_digits: usize| format!("{:.n_digits$}", trial[field].as_f64().unwrap());
+        let expected = [
+            number("n_kinds", 0),
+            number("bic", 1),
+            number("caic", 1),
+            number("bic_neff", 1),
+            number("held_out", 3),
+        ];
+        assert_eq!(numbers, expected);
+        assert_eq!(line.ends_with(" ←"), trial["n_kinds"] == *n_kinds, "{line}");
+    }
 }
 
 #[test]
@@ -80,10 +141,16 @@ fn inspect_says_what_is_in_a_model() {
     assert_eq!(inspection["model_id"], model.id().to_string());
     assert_eq!(inspection["format"], 1);
     assert_eq!(inspection["n_frames"], 160);
-    assert_eq!(inspection["plan"]["em"]["n_kinds"], 5);
-    assert_eq!(inspection["plan"]["n_dims"], 8);
+    assert_eq!((&inspection["n_dims"], &inspection["n_kinds"]), (&8.into(), &5.into()));
+    assert_eq!((&inspection["plan"]["n_dims"], &inspection["plan"]["n_kinds"]), (&8.into(), &5.into()));
+    assert_eq!(inspection["provenance"]["kinds_tried"], serde_json::json!([]));
     assert_eq!(inspection["provenance"]["origin"]["trips"], serde_json::json!([FIRST]));
-    assert_eq!(inspection["weights"], serde_json::json!(model.mixture().weights()));
+    // Numbers are printed with all their digits; what reads them here may miss the last one.
+    let weights = inspection["weights"].as_array().unwrap();
+    assert_eq!(weights.len(), 5);
+    for (found, weight) in weights.iter().zip(model.mixture().weights()) {
+        assert!((found.as_f64().unwrap() - weight).abs() < 1e-15, "{found} {weight}");
+    }
 
     let text = robot.succeed(&["inspect", MODEL]);
     for line in [
@@ -96,4 +163,9 @@ fn inspect_says_what_is_in_a_model() {
     ] {
         assert!(text.lines().any(|found| found == line), "no {line:?} in {text}");
     }
+    assert!(
+        text.lines().any(|line| line.starts_with("kinds        5, as asked for; log-likelihood ")),
+        "{text}"
+    );
+    assert!(!text.contains("kinds tried"), "{text}");
 }

@@ -22,9 +22,9 @@ pub struct Config {
     pub neighbors: Option<usize>,
     /// Landmarks, at least 1. Default: 1000, or all frames if there are fewer.
     pub landmarks: Option<usize>,
-    /// Dimensions, 1 to 32. Default: 8 for rings of up to 64 readings, 15 for cameras.
+    /// Dimensions, 1 to 32. Default: two more than where the residual variance bends.
     pub dims: Option<usize>,
-    /// Kinds, 1 to 64. Default: 5 for rings of up to 64 readings, 8 for cameras.
+    /// Kinds, 1 to 64. Default: of 1 to 20, the number with the least BIC for as many frames as are independent.
     pub kinds: Option<usize>,
     /// Starts of the mixture, at least 1. Default: 10.
     pub starts: Option<usize>,
@@ -64,9 +64,6 @@ pub enum ConfigError {
         limit: String,
     },
 }
-
-/// A sensor of at most this many readings is taken for a ring of ranges, others for cameras.
-const N_RING_READINGS_MAX: usize = 64;
 
 /// Share of the valid readings that are no longer than the default largest useful range: a sensor's few wildest
 /// readings must not stretch the scale.
@@ -165,14 +162,13 @@ impl Config {
     /// As [`Self::check`].
     pub fn plan(&self, sensor: SensorLayout, counts: &[u16]) -> Result<FitPlan, ConfigError> {
         self.check()?;
-        let is_ring = sensor.n_readings() <= N_RING_READINGS_MAX;
         let useful_m = || largest_useful_count(counts) * sensor.metres_per_count;
         let usual = ResponsePlan::new(
             self.response.unwrap_or(Scale::Inverse),
             self.range_m_max.unwrap_or_else(useful_m),
         );
         let seed = self.seed.unwrap_or(0);
-        let em = EmPlan::new(self.kinds.unwrap_or(if is_ring { 5 } else { 8 }), seed);
+        let em = EmPlan::new(seed);
         Ok(FitPlan {
             sensor,
             response: ResponsePlan {
@@ -183,7 +179,8 @@ impl Config {
             method: self.method.unwrap_or(Method::Isomap),
             n_neighbors: self.neighbors.unwrap_or(10),
             n_landmarks: self.landmarks.unwrap_or(1000),
-            n_dims: self.dims.unwrap_or(if is_ring { 8 } else { 15 }),
+            n_dims: self.dims,
+            n_kinds: self.kinds,
             em: EmPlan {
                 n_starts: self.starts.unwrap_or(em.n_starts),
                 covariance_floor: self.covariance_floor.unwrap_or(em.covariance_floor),
@@ -214,12 +211,9 @@ mod tests {
     const RING: SensorLayout = SensorLayout { rows: 1, columns: 16, metres_per_count: 0.001 };
 
     #[test]
-    fn an_empty_file_gives_the_sensors_defaults() {
-        let config = Config::from_ron("()").unwrap();
-        let ring = config.plan(RING, &[0, 4000, 3000]).unwrap();
-        assert_eq!((ring.n_dims, ring.em.n_kinds, ring.response.range_m_max), (8, 5, 4.0));
-        let camera = config.plan(SensorLayout { rows: 124, columns: 160, ..RING }, &[1]).unwrap();
-        assert_eq!((camera.n_dims, camera.em.n_kinds), (15, 8));
+    fn an_empty_file_leaves_dimensions_and_kinds_to_the_evidence() {
+        let plan = Config::from_ron("()").unwrap().plan(RING, &[0, 4000, 3000]).unwrap();
+        assert_eq!((plan.n_dims, plan.n_kinds, plan.response.range_m_max), (None, None, 4.0));
     }
 
     #[test]
@@ -229,7 +223,7 @@ mod tests {
         let file = Config::from_ron("(kinds: 7, response: log, method: Pca)").unwrap();
         let plan =
             file.overridden_by(Config { kinds: Some(3), ..Config::default() }).plan(RING, &[1]).unwrap();
-        assert_eq!((plan.em.n_kinds, plan.response.scale, plan.method), (3, Scale::Log, Method::Pca));
+        assert_eq!((plan.n_kinds, plan.response.scale, plan.method), (Some(3), Scale::Log, Method::Pca));
     }
 
     #[test]

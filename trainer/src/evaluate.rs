@@ -1,10 +1,13 @@
-//! Evaluates a model on two trips: Isomap, principal components and random kinds, at the same number of dimensions and
+//! Evaluates models on two trips: Isomap, principal components and random kinds, at the same number of dimensions and
 //! kinds.
+//!
+//! Find where trips meet ([`Meeting`]), fit the other method once ([`Rivals`]), then [`evaluate`], for as many pairs of
+//! trips as there are.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use kinds_model::{Classifier, FitError, FitPlan, Method, Model, SensorLayout, refit};
+use kinds_model::{Classifier, FitError, Method, Model, SensorLayout, Size, refit};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -37,6 +40,9 @@ pub struct Evaluation {
     pub revisited: f64,
     /// By method.
     pub methods: Methods,
+    /// Isomap's kind of every frame whose place is known, of either trip, in order of time. Scripts do not read it.
+    #[serde(skip)]
+    pub isomap_kinds: [Vec<usize>; 2],
 }
 
 /// The three methods.
@@ -123,70 +129,144 @@ pub enum EvaluateError {
     },
 }
 
-/// Measures how consistent kinds are between the trip that a model was learnt from and another.
-///
-/// The method that the model does not use is fitted to its reference frames, with the same response, landmarks,
-/// dimensions and kinds.
-///
-/// # Errors
-/// If a trip is of another sensor or has no poses, or the trips never meet.
-pub fn evaluate(
-    model: Model,
-    first: &LoadedTrip,
-    second: &LoadedTrip,
-    plan: &EvaluationPlan,
-    progress: &mut Progress,
-) -> Result<Evaluation, EvaluateError> {
-    check(plan)?;
-    for trip in [first, second] {
-        if trip.layout != model.layout() {
-            let (path, found) = (trip.path.clone(), trip.layout);
-            return Err(EvaluateError::OtherSensor { path, found, expected: model.layout() });
+/// Two trips that meet, and what is compared where they do. Found without any model, so that trips which never meet
+/// need not wait for one to be fitted.
+#[derive(Debug)]
+pub struct Meeting<'a> {
+    plan: EvaluationPlan,
+    layout: SensorLayout,
+    trips: [Placed<'a>; 2],
+    revisits: Revisits,
+}
+
+impl<'a> Meeting<'a> {
+    /// Finds where two trips meet.
+    ///
+    /// * `layout` — of the sensor whose kinds are to be compared
+    ///
+    /// # Errors
+    /// If a trip is of another sensor or has no poses, or the trips never meet.
+    pub fn find(
+        layout: SensorLayout,
+        first: &'a LoadedTrip,
+        second: &'a LoadedTrip,
+        plan: &EvaluationPlan,
+    ) -> Result<Self, EvaluateError> {
+        check(plan)?;
+        for trip in [first, second] {
+            if trip.layout != layout {
+                let (path, found) = (trip.path.clone(), trip.layout);
+                return Err(EvaluateError::OtherSensor { path, found, expected: layout });
+            }
+        }
+        let trips = [Placed::of(first)?, Placed::of(second)?];
+        let revisits = Revisits::find(&trips[0].places, &trips[1].places, plan.radius_m);
+        if revisits.share_revisited() == 0.0 {
+            let (first, second) = (first.path.clone(), second.path.clone());
+            return Err(EvaluateError::NeverMeet { first, second, radius_m: plan.radius_m });
+        }
+        Ok(Self { plan: *plan, layout, trips, revisits })
+    }
+
+    /// Kinds of both trips' frames by a model.
+    fn classify(&self, model: &Model, classified: &mut dyn FnMut()) -> [Vec<usize>; 2] {
+        let mut classifier = Classifier::new(Arc::new(model.clone()));
+        [0, 1].map(|trip| {
+            let kind = |counts: &&[u16]| {
+                let kind = classifier.classify(counts).kind;
+                classified();
+                kind
+            };
+            self.trips[trip].frames.iter().map(kind).collect()
+        })
+    }
+
+    fn random(&self, n_kinds: usize) -> [Vec<usize>; 2] {
+        let mut random = ChaCha8Rng::seed_from_u64(self.plan.seed);
+        [0, 1].map(|trip| {
+            let n_frames = self.trips[trip].frames.len();
+            (0..n_frames).map(|_| random.random_range(0..n_kinds)).collect()
+        })
+    }
+
+    fn score(&self, n_dims: usize, n_kinds: usize, kinds: &[Vec<usize>; 2]) -> MethodScores {
+        let [first, second] = kinds;
+        let measured = self.revisits.consistency(first, second, self.plan.share).expect("the trips meet");
+        let mut n_frames_of = vec![0_usize; n_kinds];
+        kinds.iter().flatten().for_each(|&kind| n_frames_of[kind] += 1);
+        let largest = n_frames_of.iter().max().copied().unwrap_or(0);
+        let pairs: Vec<_> = self.revisits.pairs(first, second).collect();
+        MethodScores {
+            n_dims,
+            n_kinds,
+            consistency: measured.consistency,
+            chance: measured.chance,
+            kappa: kappa(measured),
+            ami: adjusted_mutual_information(&pairs),
+            largest_kind_share: largest as f64 / (first.len() + second.len()) as f64,
         }
     }
-    let (first, second) = (Placed::of(first)?, Placed::of(second)?);
-    let revisits = Revisits::find(&first.places, &second.places, plan.radius_m);
-    let FitPlan { method, n_dims, ref em, .. } = model.manifest().plan;
-    let n_kinds = em.n_kinds;
-    let score = |n_dims, kinds: &[Vec<usize>; 2]| {
-        score(&revisits, n_dims, n_kinds, kinds, plan.share).ok_or_else(|| EvaluateError::NeverMeet {
-            first: first.trip.path.clone(),
-            second: second.trip.path.clone(),
-            radius_m: plan.radius_m,
-        })
-    };
-    // Cheapest first: trips that never meet should not wait for a fit.
-    let mut random = ChaCha8Rng::seed_from_u64(plan.seed);
-    let mut draw =
-        |placed: &Placed| (0..placed.frames.len()).map(|_| random.random_range(0..n_kinds)).collect();
-    let random = score(0, &[draw(&first), draw(&second)])?;
+}
 
-    let (other, name) = match method {
-        Method::Isomap => (Method::Pca, "principal components"),
-        Method::Pca => (Method::Isomap, "Isomap"),
-    };
-    let other = refit(&model, other, &mut fitting(progress))
-        .map_err(|error| EvaluateError::Refit { method: name, error })?;
-    let n_frames = 2 * (first.frames.len() + second.frames.len()) as u64;
+/// A model of either method, with the same frames, landmarks, number of dimensions and number of kinds.
+#[derive(Clone, Debug)]
+pub struct Rivals {
+    /// Geodesics.
+    pub isomap: Model,
+    /// Euclidean distances.
+    pub pca: Model,
+}
+
+impl Rivals {
+    /// Fits a rival to a model: the method that it does not use, to its reference frames.
+    ///
+    /// # Errors
+    /// If the other method cannot be fitted with as many dimensions and kinds.
+    pub fn of(model: Model, progress: &mut Progress) -> Result<Self, EvaluateError> {
+        let mut rival = |method, name| {
+            refit(&model, method, Size::Matched, &mut fitting(progress))
+                .map_err(|error| EvaluateError::Refit { method: name, error })
+        };
+        match model.manifest().plan.method {
+            Method::Isomap => {
+                let pca = rival(Method::Pca, "principal components")?;
+                Ok(Self { isomap: model, pca })
+            }
+            Method::Pca => {
+                let isomap = rival(Method::Isomap, "Isomap")?;
+                Ok(Self { isomap, pca: model })
+            }
+        }
+    }
+}
+
+/// Measures how consistent kinds are where two trips meet, by both methods and at random.
+///
+/// # Panics
+/// If the trips are not of the models' sensor: a bug of the caller, whom [`Meeting::find`] asked for it.
+pub fn evaluate(rivals: &Rivals, meeting: &Meeting, progress: &mut Progress) -> Evaluation {
+    let Rivals { isomap, pca } = rivals;
+    assert_eq!(meeting.layout, isomap.layout(), "trips and models are of one sensor");
+    let n_frames = 2 * meeting.trips.iter().map(|trip| trip.frames.len() as u64).sum::<u64>();
     let mut n_done = 0;
     let mut classified = || {
         n_done += 1;
         progress(Stage::Classifying, n_done, n_frames);
     };
-    let mut by_method = [model, other].map(|model| {
-        let mut classifier = Classifier::new(Arc::new(model));
-        [&first, &second].map(|placed| placed.kinds(&mut classifier, &mut classified))
-    });
-    if method == Method::Pca {
-        by_method.reverse();
+    let by_method = [isomap, pca].map(|model| meeting.classify(model, &mut classified));
+    let [isomap_kinds, pca_kinds] = by_method;
+    let (n_dims, n_kinds) = (isomap.embedding().n_dims(), isomap.mixture().n_kinds());
+    Evaluation {
+        radius_m: meeting.plan.radius_m,
+        share: meeting.plan.share,
+        revisited: meeting.revisits.share_revisited(),
+        methods: Methods {
+            isomap: meeting.score(n_dims, n_kinds, &isomap_kinds),
+            pca: meeting.score(n_dims, n_kinds, &pca_kinds),
+            random: meeting.score(0, n_kinds, &meeting.random(n_kinds)),
+        },
+        isomap_kinds,
     }
-    let [isomap, pca] = by_method;
-    Ok(Evaluation {
-        radius_m: plan.radius_m,
-        share: plan.share,
-        revisited: revisits.share_revisited(),
-        methods: Methods { isomap: score(n_dims, &isomap)?, pca: score(n_dims, &pca)?, random },
-    })
 }
 
 fn check(plan: &EvaluationPlan) -> Result<(), EvaluateError> {
@@ -201,8 +281,8 @@ fn check(plan: &EvaluationPlan) -> Result<(), EvaluateError> {
 }
 
 /// The frames of a trip whose place is known.
+#[derive(Debug)]
 struct Placed<'a> {
-    trip: &'a LoadedTrip,
     places: Places,
     frames: Vec<&'a [u16]>,
 }
@@ -214,41 +294,7 @@ impl<'a> Placed<'a> {
         let (poses, frames): (Vec<_>, Vec<_>) = known.unzip();
         match poses.is_empty() {
             true => Err(EvaluateError::NoPoses { path: trip.path.clone() }),
-            false => Ok(Self { trip, places: Places { poses }, frames }),
+            false => Ok(Self { places: Places { poses }, frames }),
         }
     }
-
-    fn kinds(&self, classifier: &mut Classifier, classified: &mut dyn FnMut()) -> Vec<usize> {
-        let kind = |counts: &&[u16]| {
-            let kind = classifier.classify(counts).kind;
-            classified();
-            kind
-        };
-        self.frames.iter().map(kind).collect()
-    }
-}
-
-/// `None` if the trips never meet.
-fn score(
-    revisits: &Revisits,
-    n_dims: usize,
-    n_kinds: usize,
-    kinds: &[Vec<usize>; 2],
-    share: f64,
-) -> Option<MethodScores> {
-    let [first, second] = kinds;
-    let measured = revisits.consistency(first, second, share)?;
-    let mut n_frames_of = vec![0_usize; n_kinds];
-    kinds.iter().flatten().for_each(|&kind| n_frames_of[kind] += 1);
-    let largest = n_frames_of.iter().max().copied().unwrap_or(0);
-    let pairs: Vec<_> = revisits.pairs(first, second).collect();
-    Some(MethodScores {
-        n_dims,
-        n_kinds,
-        consistency: measured.consistency,
-        chance: measured.chance,
-        kappa: kappa(measured),
-        ami: adjusted_mutual_information(&pairs),
-        largest_kind_share: largest as f64 / (first.len() + second.len()) as f64,
-    })
 }

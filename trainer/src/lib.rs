@@ -17,7 +17,9 @@ mod train;
 pub use agreement::adjusted_mutual_information;
 pub use config::{Config, ConfigError};
 pub use consistency::{Consistency, Places, Revisits, kappa};
-pub use evaluate::{EvaluateError, Evaluation, EvaluationPlan, MethodScores, evaluate};
+pub use evaluate::{
+    EvaluateError, Evaluation, EvaluationPlan, Meeting, MethodScores, Methods, Rivals, evaluate,
+};
 pub use load::{LoadError, LoadedTrip, load};
 pub use progress::{Progress, Stage};
 pub use runs::Runs;

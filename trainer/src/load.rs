@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use kinds_model::SensorLayout;
 use kinds_model::response::INVALID;
-use kinds_trips::{Pose, Selection, TripError, TripReader};
+use kinds_trips::{Pose, Selection, Stamp, TripError, TripReader};
 
 use crate::progress::{Progress, Stage};
 
@@ -17,6 +17,8 @@ pub struct LoadedTrip {
     pub layout: SensorLayout,
     /// Raw counts, shape `(n_frames, n_readings)`.
     pub counts: Vec<u16>,
+    /// When the sensor captured each, shape `(n_frames,)`.
+    pub captured: Vec<Stamp>,
     /// Where the robot was, shape `(n_frames,)`.
     pub poses: Vec<Option<Pose>>,
     /// Frames left out because no reading was valid.
@@ -69,6 +71,7 @@ pub fn load(path: &Path, selection: &Selection, progress: &mut Progress) -> Resu
     };
     let n_readings = layout.n_readings();
     let (mut counts, mut poses, mut n_frames_invalid) = (Vec::new(), Vec::new(), 0);
+    let mut captured = Vec::new();
     loop {
         let start = counts.len();
         counts.resize(start + n_readings, INVALID);
@@ -80,6 +83,7 @@ pub fn load(path: &Path, selection: &Selection, progress: &mut Progress) -> Resu
             counts.truncate(start);
             n_frames_invalid += 1;
         } else {
+            captured.push(frame.captured);
             poses.push(frame.pose);
         }
         let (read, all) = reader.progress();
@@ -89,5 +93,5 @@ pub fn load(path: &Path, selection: &Selection, progress: &mut Progress) -> Resu
         return Err(LoadError::AllInvalid { path: path.to_path_buf(), n_frames: n_frames_invalid });
     }
     let truncation = reader.truncation().map(|truncation| format!("trip {} {truncation}", path.display()));
-    Ok(LoadedTrip { path: path.to_path_buf(), layout, counts, poses, n_frames_invalid, truncation })
+    Ok(LoadedTrip { path: path.to_path_buf(), layout, counts, captured, poses, n_frames_invalid, truncation })
 }

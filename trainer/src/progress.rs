@@ -15,8 +15,8 @@ pub enum Stage<'a> {
     Classifying,
 }
 
-/// Told a stage, how much of it is done, and of how much.
-pub type Progress<'a> = dyn FnMut(Stage, u64, u64) + 'a;
+/// Told a stage, how much of it is done, and of how much. One thread at a time, but not always the same one.
+pub type Progress<'a> = dyn FnMut(Stage, u64, u64) + Send + 'a;
 
 /// Passes the steps of fitting on.
 pub(crate) fn fitting<'a>(progress: &'a mut Progress) -> impl FnMut(Step, usize, usize) + 'a {

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use kinds_model::{FitError, Model, Origin, SensorLayout, fit};
+use kinds_model::evidence::{N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out};
+use kinds_model::{FitError, KindsTrial, Model, Origin, SensorLayout, fit};
 
 use crate::config::{Config, ConfigError};
 use crate::load::{LoadError, load};
@@ -13,7 +14,7 @@ use crate::progress::{Progress, fitting};
 pub struct Trained {
     /// The model.
     pub model: Model,
-    /// Sentences about the trips: cut off, invalid frames, islands.
+    /// Sentences about the trips and the choices: cut off, invalid frames, islands, evidence that does not agree.
     pub remarks: Vec<String>,
 }
 
@@ -51,7 +52,7 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
     config.check()?;
     let selection = config.selection();
     let mut remarks = Vec::new();
-    let (mut counts, mut sensor, mut n_frames_invalid) = (Vec::new(), None, 0);
+    let (mut counts, mut sensor, mut origin) = (Vec::new(), None, Origin::default());
     for path in trips {
         let mut trip = load(path, &selection, progress)?;
         let expected = *sensor.get_or_insert(trip.layout);
@@ -59,20 +60,21 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
             return Err(TrainError::OtherSensor { path: path.clone(), found: trip.layout, expected });
         }
         remarks.extend(trip.truncation.take());
-        n_frames_invalid += trip.n_frames_invalid;
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        origin.trips.push(name.to_string_lossy().into_owned());
+        origin.n_frames.push(trip.n_frames());
+        origin.n_frames_invalid += trip.n_frames_invalid;
         // The first trip's memory is kept: copying 20,000 camera frames would double it.
         if counts.is_empty() { counts = trip.counts } else { counts.append(&mut trip.counts) }
     }
     let sensor = sensor.expect("at least one trip is asked for on every way in");
-    if n_frames_invalid > 0 {
-        remarks.push(format!("{n_frames_invalid} frames without any valid reading were left out"));
+    if origin.n_frames_invalid > 0 {
+        remarks.push(format!("{} frames without any valid reading were left out", origin.n_frames_invalid));
     }
     let plan = config.plan(sensor, &counts)?;
-    let names =
-        trips.iter().filter_map(|path| path.file_name()).map(|name| name.to_string_lossy().into_owned());
-    let origin = Origin { trips: names.collect(), n_frames_invalid };
     let model = fit(counts, &plan, origin, &mut fitting(progress)).map_err(TrainError::Fit)?;
     remarks.extend(remark_on_islands(&model));
+    remarks.extend(remark_on_kinds(&model.manifest().provenance.kinds_tried));
     Ok(Trained { model, remarks })
 }
 
@@ -97,4 +99,76 @@ fn remark_on_islands(model: &Model) -> Option<String> {
         model.manifest().plan.n_neighbors,
         bridges.len(),
     ))
+}
+
+/// Where the evidence for the number of kinds does not agree, or chooses an end of what was tried.
+fn remark_on_kinds(tried: &[KindsTrial]) -> Option<String> {
+    let (chosen, other) = (best_by_bic_neff(tried)?.n_kinds, best_by_held_out(tried)?.n_kinds);
+    match (chosen, other) {
+        (1, _) => Some(
+            "the evidence is for a single kind, which tells no places apart; ask for a number of kinds, try another scale, \
+             or record a longer trip"
+                .to_string(),
+        ),
+        (N_KINDS_TRIED_MAX, _) => Some(format!(
+            "{chosen} kinds are the most that are tried, and more may be better still; ask for more to see"
+        )),
+        _ if chosen == other => None,
+        _ => Some(format!(
+            "the evidence for the number of kinds does not agree: BIC_neff is least at {chosen}, which the model has, and \
+             blocks that were held out are likeliest at {other}"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Trials of 1, 2, … kinds with these values of BIC_neff and held-out likelihood.
+    fn remark(bic_neff: &[f64], held_out: &[f64]) -> Option<String> {
+        let trials: Vec<KindsTrial> = (1..)
+            .zip(bic_neff.iter().zip(held_out))
+            .map(|(n_kinds, (&bic_neff, &held_out))| KindsTrial {
+                n_kinds,
+                log_likelihood: 0.0,
+                bic: 0.0,
+                caic: 0.0,
+                bic_neff,
+                held_out,
+            })
+            .collect();
+        remark_on_kinds(&trials)
+    }
+
+    #[test]
+    fn evidence_that_agrees_or_was_not_asked_needs_no_remark() {
+        assert_eq!(remark(&[9.0, 7.0, 8.0], &[-3.0, -1.0, -2.0]), None);
+        assert_eq!(remark(&[], &[]), None);
+    }
+
+    #[test]
+    fn evidence_that_does_not_agree_is_told() {
+        assert_eq!(
+            remark(&[9.0, 7.0, 8.0], &[-3.0, -2.0, -1.0]).unwrap(),
+            "the evidence for the number of kinds does not agree: BIC_neff is least at 2, which the model has, and blocks \
+             that were held out are likeliest at 3"
+        );
+    }
+
+    #[test]
+    fn a_number_at_either_end_of_what_was_tried_is_told() {
+        assert_eq!(
+            remark(&[7.0, 8.0], &[-1.0, -2.0]).unwrap(),
+            "the evidence is for a single kind, which tells no places apart; ask for a number of kinds, try another scale, \
+             or record a longer trip"
+        );
+        let falling: Vec<f64> = (0..20).map(|index| -f64::from(index)).collect();
+        assert_eq!(
+            remark(&falling, &falling).unwrap(),
+            "20 kinds are the most that are tried, and more may be better still; ask for more to see"
+        );
+        // Short trips end the range; that is no reason to ask for more.
+        assert_eq!(remark(&falling[..5], &[-9.0, -8.0, -7.0, -6.0, -5.0]), None);
+    }
 }

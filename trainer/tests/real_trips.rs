@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use kinds_model::{Method, Scale};
-use kinds_trainer::{Config, Evaluation, EvaluationPlan, evaluate, load, train};
+use kinds_trainer::{Config, Evaluation, EvaluationPlan, Meeting, Rivals, evaluate, load, train};
 use kinds_trips::Selection;
 
 /// The trips of a sensor, or nothing and a note.
@@ -26,7 +26,9 @@ fn learn_and_evaluate(trips: &[PathBuf; 2], config: &Config, radius_m: f64) -> E
     let [first, second] =
         [0, 1].map(|trip| load(&trips[trip], &Selection::default(), &mut |_, _, _| ()).unwrap());
     let plan = EvaluationPlan { radius_m, share: 0.5, seed: 0 };
-    evaluate(trained.model, &first, &second, &plan, &mut |_, _, _| ()).unwrap()
+    let meeting = Meeting::find(trained.model.layout(), &first, &second, &plan).unwrap();
+    let rivals = Rivals::of(trained.model, &mut |_, _, _| ()).unwrap();
+    evaluate(&rivals, &meeting, &mut |_, _, _| ())
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -63,9 +65,26 @@ fn maze_kinds_are_as_consistent_as_scikit_learns() {
 }
 
 #[test]
+fn untuned_training_makes_three_to_twelve_kinds_that_are_consistent_on_both_sensors() {
+    for (sensor, radius_m, least) in [("maze-tof16", 0.15, 0.67), ("chess-depth19840", 0.1, 0.7)] {
+        let Some(trips) = trips(sensor) else { continue };
+        let evaluation = learn_and_evaluate(&trips, &Config::default(), radius_m);
+        let isomap = evaluation.methods.isomap;
+        assert!((3..=12).contains(&isomap.n_kinds), "{sensor}: {} kinds", isomap.n_kinds);
+        assert!(isomap.kappa >= least, "{sensor}: {isomap:?}");
+    }
+}
+
+#[test]
 fn random_kinds_are_worth_nothing() {
     let Some(trips) = trips("maze-tof16") else { return };
-    let evaluation = learn_and_evaluate(&trips, &Config { starts: Some(1), ..Config::default() }, 0.15);
+    let config = Config { starts: Some(1), kinds: Some(5), ..Config::default() };
+    let evaluation = learn_and_evaluate(&trips, &config, 0.15);
+    assert_eq!(
+        evaluation.isomap_kinds.each_ref().map(Vec::len),
+        [1379, 621],
+        "both trips have poses throughout"
+    );
     let random = evaluation.methods.random;
     assert!(random.kappa.abs() < 0.05 && random.ami.abs() < 0.05, "{random:?}");
     // scikit-learn's exploration revisits the same share of the maze.

@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
 
     let model_path = folder.join("model.kinds");
     steps.begin(&format!("train: {} → {}", trip1.display(), model_path.display()))?;
-    let model = learn(trip1, &model_path)?;
+    let (model, remarks) = learn(trip1, &model_path)?;
 
     let course = Course::read(trip2, &subject.selection)?;
     let speed = (course.duration_s / SHOW_S).round().max(1.0).to_string();
@@ -55,26 +55,31 @@ pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
     say(format!("   {}", statistics(&reports)))?;
     write_file(folder, "kinds.csv", &table(&reports))?;
 
-    steps.begin("compare: how many dimensions and kinds do the data ask for, by Isomap and by principal components?")?;
+    steps.begin(
+        "compare: how many dimensions and kinds do the frames ask for, by Isomap and by principal components?",
+    )?;
     let pca = refit_with_own_size(&model)?;
     model_file::write(&folder.join("pca.kinds"), &pca)?;
     say_table_1([&model, &pca])?;
 
     let rivals = rivals(model)?;
     let visit = |place: &str, trips: &[PathBuf; 2]| visit(place, trips, &subject.selection, &rivals);
-    steps.begin(&format!("evaluate: do places on {} that both trips saw get the same kind?", subject.home))?;
+    steps.begin(&format!("evaluate {}: do places that both trips saw get the same kind?", subject.home))?;
     let home = visit(&subject.home, &subject.trips)?;
     say_evaluation(&home, folder, "evaluation.json")?;
     let mut elsewhere = None;
     if let Some((place, trips)) = &subject.elsewhere {
-        steps.begin(&format!("evaluate: do the kinds of {} hold on {place}, where they were not learnt?", subject.home))?;
+        steps.begin(&format!(
+            "evaluate {place}: do the kinds of {} hold where they were not learnt?",
+            subject.home
+        ))?;
         let visited = visit(place, trips)?;
         say_evaluation(&visited, folder, "evaluation-elsewhere.json")?;
         say(format!("   {}", visited.runs()))?;
         elsewhere = Some(visited);
     }
 
-    let page = report::page([&rivals.isomap, &pca], &home, elsewhere.as_ref());
+    let page = report::page([&rivals.isomap, &pca], &remarks, &home, elsewhere.as_ref());
     let report = write_report(folder, &page)?;
     steps.begin(&format!("report: open {}", report.display()))?;
     say(format!(
@@ -122,22 +127,22 @@ fn make_folder(folder: &Path) -> Result<(), Failure> {
 
 fn journey(robot: RobotName) -> &'static str {
     match robot {
-        RobotName::Crunch => {
-            "Crunch, with eight sonars and eight infrared sensors, twice over the fourth floor of an office building and twice over the fifth"
-        }
-        RobotName::Chew => "Chew, with a time-of-flight camera of 160 × 124 pixels, twice across a campus",
+        RobotName::Crunch => "Crunch, with 16 sonars and infrared sensors, twice over each of two floors",
+        RobotName::Chew => "Chew, with a camera of 160 × 124 pixels, twice across a campus",
     }
 }
 
-fn learn(trip: &Path, model_path: &Path) -> Result<Model, Failure> {
+/// Learns the kinds of a trip. Returns the model, and sentences on how it came about.
+fn learn(trip: &Path, model_path: &Path) -> Result<(Model, Vec<String>), Failure> {
     model_file::check_writable(model_path)?;
     let Trained { model, remarks } = train::train(&[trip.to_path_buf()], &Config::default())?;
     model_file::write(model_path, &model)?;
     say(format!("   {}", train::summary(&model)))?;
-    for line in train::choices(&model).into_iter().chain(remarks) {
+    let remarks: Vec<String> = train::choices(&model).into_iter().chain(remarks).collect();
+    for line in &remarks {
         say(format!("   {line}"))?;
     }
-    Ok(model)
+    Ok((model, remarks))
 }
 
 /// What principal components make of the same frames, with as many dimensions and kinds as speak for themselves.
@@ -147,7 +152,9 @@ fn refit_with_own_size(model: &Model) -> Result<Model, Failure> {
         bar.show(Stage::Fitting(step), done as u64, all as u64);
     });
     bar.clear();
-    refitted.map_err(|error| Failure::CouldNot(format!("cannot fit principal components for comparison: {error}")))
+    refitted.map_err(|error| {
+        Failure::CouldNot(format!("cannot fit principal components for comparison: {error}"))
+    })
 }
 
 /// The paper's Table 1.
@@ -167,7 +174,12 @@ fn rivals(model: Model) -> Result<Rivals, Failure> {
     Ok(rivals?)
 }
 
-fn visit(place: &str, trips: &[PathBuf; 2], selection: &Selection, rivals: &Rivals) -> Result<Visited, Failure> {
+fn visit(
+    place: &str,
+    trips: &[PathBuf; 2],
+    selection: &Selection,
+    rivals: &Rivals,
+) -> Result<Visited, Failure> {
     let mut bar = StepBar::new();
     let mut show = |stage: Stage, done, all| bar.show(stage, done, all);
     let [first, second] = trips;

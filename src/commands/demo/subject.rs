@@ -42,7 +42,7 @@ impl Subject {
         for trip in &trips {
             TripReader::open(trip, &selection)?;
         }
-        let home = "the recorded places".to_string();
+        let home = "the recorded trips".to_string();
         Ok(Self { sensor: sensor("demo/sensor"), home, trips, elsewhere: None, selection })
     }
 

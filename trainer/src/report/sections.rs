@@ -75,8 +75,8 @@ fn method_name(method: Method) -> &'static str {
 }
 
 fn facts(model: &Model) -> Vec<(&'static str, String)> {
-    let FitPlan { sensor, response, method, n_neighbors, n_landmarks, n_dims, seed, .. } =
-        &model.manifest().plan;
+    let FitPlan { sensor, response, method, n_neighbors, n_landmarks, seed, .. } = &model.manifest().plan;
+    let n_dims = model.embedding().n_dims();
     let Provenance { made_by, origin, .. } = &model.manifest().provenance;
     let scale = match response.scale {
         Scale::Range => "range".to_string(),

@@ -34,8 +34,9 @@ fn model(sensor: SensorLayout, scale: Scale, n_dims: usize, n_kinds: usize) -> M
         method: Method::Isomap,
         n_neighbors: 8,
         n_landmarks: 60,
-        n_dims,
-        em: EmPlan::new(n_kinds, 1),
+        n_dims: Some(n_dims),
+        n_kinds: Some(n_kinds),
+        em: EmPlan::new(1),
         seed: 1,
     };
     fit(counts, &plan, Origin::default(), &mut |_, _, _| ()).unwrap()
@@ -81,7 +82,7 @@ fn evaluation() -> Evaluation {
     };
     let methods =
         Methods { isomap: score(8, 0.8, 0.2), pca: score(8, 0.6, 0.2), random: score(0, 0.2, 0.25) };
-    Evaluation { radius_m: 0.3, share: 0.5, revisited: 0.9, methods }
+    Evaluation { radius_m: 0.3, share: 0.5, revisited: 0.9, methods, isomap_kinds: Default::default() }
 }
 
 fn figures() -> Vec<Figure> {

@@ -1,9 +1,9 @@
-"""Makes the two trips of the demonstration: a made-up robot in a made-up building.
+"""Makes two trips of a ring of 16 range sensors: a made-up robot in a made-up building.
 
     python -m venv venv && venv/bin/pip install -r requirements.txt
-    venv/bin/python make_trips.py
+    venv/bin/python make_ring.py
 
-Writes trip1.mcap and trip2.mcap beside this script, by the independent package `rosbags`, so that our
+Writes ring1.mcap and ring2.mcap beside this script, by the independent package `rosbags`, so that our
 reader is tried on recordings that we did not write. Seeded: on one machine every run writes the same bytes.
 
 Lengths in metres, angles in radians, counter-clockwise from x, times in seconds; x forward, y left.
@@ -103,8 +103,8 @@ class Trip:
 
 
 TRIPS = [
-    Trip("trip1", datetime(2025, 6, 2, 9, 0, tzinfo=timezone.utc), n_frames=900, seed=1),
-    Trip("trip2", datetime(2025, 6, 2, 14, 30, tzinfo=timezone.utc), n_frames=600, seed=2),
+    Trip("ring1", datetime(2025, 6, 2, 9, 0, tzinfo=timezone.utc), n_frames=900, seed=1),
+    Trip("ring2", datetime(2025, 6, 2, 14, 30, tzinfo=timezone.utc), n_frames=600, seed=2),
 ]
 
 
