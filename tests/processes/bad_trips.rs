@@ -113,7 +113,7 @@ fn a_trip_without_poses_is_trained_on_and_evaluation_says_why_it_cannot() {
     Trip { poses_topics: &[], ..Trip::SECOND }.write(&robot.path("lost.mcap"));
     robot.succeed(&["train", "lost.mcap", "--output", "lost.kinds"]);
     let sentence = "trip lost.mcap has no poses: consistency compares the kinds of one place, so evaluation needs \
-                    nav_msgs/msg/Odometry in both trips (training does not)";
+                    nav_msgs/msg/Odometry or geometry_msgs/msg/PoseStamped in both trips (training does not)";
     robot.refuse(&["evaluate", MODEL, FIRST, "lost.mcap"], 1, sentence);
     robot.refuse(&["evaluate", "lost.kinds", "lost.mcap", FIRST], 1, sentence);
 }

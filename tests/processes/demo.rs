@@ -112,6 +112,8 @@ fn what_a_demo_cannot_be_shown_on_is_a_sentence() {
         );
     }
     robot.refuse(&["demo", "one.mcap", "two.mcap"], 1, "no trip at one.mcap: there is no such file");
+    Trip { poses_topics: &[], ..Trip::FIRST }.write(&robot.path(FIRST));
+    robot.refuse_with(&["demo", FIRST, FIRST], 1, &["trip first.mcap has no poses", "evaluation needs"]);
 }
 
 /// A robot with two trips.

@@ -91,7 +91,7 @@ pub enum EvaluateError {
     /// Nobody knows where the robot was.
     #[error(
         "trip {path} has no poses: consistency compares the kinds of one place, so evaluation needs \
-         nav_msgs/msg/Odometry in both trips (training does not)"
+         nav_msgs/msg/Odometry or geometry_msgs/msg/PoseStamped in both trips (training does not)"
     )]
     NoPoses {
         /// The trip.

@@ -26,8 +26,10 @@ const HEIGHT: u16 = 16;
 /// Columns that the kinds take beside the path.
 const KINDS_WIDTH: u16 = 34;
 
-/// Orange, sky blue, green, yellow, blue, vermilion, purple, grey: told apart by people who see few colours.
+/// The terminal's own, orange, sky blue, green, yellow, blue, vermilion, purple: told apart by people who see few colours,
+/// and in the report's order.
 const COLOURS: [Color; 8] = [
+    Color::Reset,
     Color::Indexed(214),
     Color::Indexed(74),
     Color::Indexed(36),
@@ -35,7 +37,6 @@ const COLOURS: [Color; 8] = [
     Color::Indexed(27),
     Color::Indexed(166),
     Color::Indexed(175),
-    Color::Indexed(246),
 ];
 
 /// Least time between two pictures: more of them cost more than they show.

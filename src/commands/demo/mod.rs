@@ -3,29 +3,27 @@
 mod live;
 mod processes;
 mod report;
+mod serving;
 mod subject;
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use clap::ValueEnum;
-use kinds_messages::{KindReport, Node};
 use kinds_model::{Method, Model, Size, refit};
 use kinds_trainer::report::{Page, ReportFile};
 use kinds_trainer::{Config, EvaluationPlan, Meeting, Rivals, Stage, Trained, load};
 use kinds_trips::Selection;
 
 use crate::cli::{DemoArguments, RobotName};
-use crate::commands::demo::live::{Course, LiveView};
-use crate::commands::demo::processes::Process;
+use crate::commands::demo::live::Course;
 use crate::commands::demo::report::Visited;
 use crate::commands::demo::subject::Subject;
-use crate::commands::{evaluate, own_domain, train, watch};
+use crate::commands::{evaluate, train};
 use crate::failure::Failure;
 use crate::progress::StepBar;
 use crate::say::say;
-use crate::{csv, model_file, stop, whole_file};
+use crate::{model_file, stop, whole_file};
 
 /// How long the second trip is to be looked at.
 const SHOW_S: f64 = 12.0;
@@ -50,10 +48,10 @@ pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
         trip2.display()
     ))?;
     let stop = stop::on_signals()?;
-    let reports = serve_and_watch(&model_path, &course, &speed, &subject, &stop)?;
+    let reports = serving::serve_and_watch(&model_path, &course, &speed, &subject, &stop)?;
     stop::from_now_on_at_once(&stop);
-    say(format!("   {}", statistics(&reports)))?;
-    write_file(folder, "kinds.csv", &table(&reports))?;
+    say(format!("   {}", serving::statistics(&reports)))?;
+    write_file(folder, "kinds.csv", &serving::table(&reports))?;
 
     steps.begin(
         "compare: how many dimensions and kinds do the frames ask for, by Isomap and by principal components?",
@@ -207,91 +205,6 @@ fn write_report(folder: &Path, page: &Page) -> Result<PathBuf, Failure> {
         write_file(&folder, &name, contents.as_bytes())?;
     }
     Ok(folder.join("report.html"))
-}
-
-/// Runs service and shim as processes in a domain of their own, and returns every report on the trip.
-fn serve_and_watch(
-    model: &Path,
-    course: &Course,
-    speed: &str,
-    subject: &Subject,
-    stop: &AtomicBool,
-) -> Result<Vec<KindReport>, Failure> {
-    // Declared first, so that it goes last.
-    let domain = own_domain()?;
-    let serve = ["--model".as_ref(), model.as_os_str()];
-    let mut service = Process::start(&domain, &subject.sensor, "serve", &serve)?;
-    service.await_line()?;
-    // Only now: a demo that is killed cannot clear its place in the domain, and the service can.
-    let mut watched = watch::Reports::open(Node::open(&domain, "kinds-demo")?, &subject.sensor)?;
-    let trip = &subject.trips[1];
-    let mut live = LiveView::of(course);
-    let publish =
-        ["--trip".as_ref(), trip.as_os_str(), "--speed".as_ref(), speed.as_ref(), "--follow".as_ref()];
-    let mut shim = Process::start(&domain, &subject.sensor, "publish", &publish)?;
-    let reports = watch_until_end(&mut watched, &mut shim, &mut live, stop)?;
-    live.end(&reports)?;
-    shim.end_well()?;
-    service.terminate();
-    service.end_well()?;
-    Ok(reports)
-}
-
-/// Collects reports until the shim has ended and none is left. The shim ends only when its frames have been reported.
-fn watch_until_end(
-    watched: &mut watch::Reports,
-    shim: &mut Process,
-    live: &mut LiveView,
-    stop: &AtomicBool,
-) -> Result<Vec<KindReport>, Failure> {
-    let mut reports = Vec::new();
-    loop {
-        let has_ended = shim.has_ended()?;
-        while let Some(report) = watched.receive()? {
-            reports.push(report);
-        }
-        live.show(&reports)?;
-        // Asked first: Ctrl-C in a terminal goes to all three processes, and the shim's early end is a good one to it.
-        if stop.load(Ordering::Relaxed) {
-            return Err(Failure::CouldNot(
-                "stopped before the trip was over; the model is learnt, its results are not there"
-                    .to_string(),
-            ));
-        }
-        if has_ended {
-            return Ok(reports);
-        }
-        watched.wait()?;
-    }
-}
-
-fn statistics(reports: &[KindReport]) -> String {
-    let Some(last) = reports.last() else { return "no report came".to_string() };
-    let mut latencies: Vec<u64> = reports.iter().map(watch::latency_ns).collect();
-    latencies.sort_unstable();
-    let n_reports = reports.len();
-    let n_switches = reports.windows(2).filter(|pair| pair[0].kind != pair[1].kind).count();
-    format!(
-        "{} frames, {n_reports} reports; the kind changed {n_switches} times; frame to report: median {:.0} µs, 99 % within {:.0} µs",
-        last.sequence + 1,
-        latencies[n_reports / 2] as f64 / 1e3,
-        latencies[n_reports * 99 / 100] as f64 / 1e3
-    )
-}
-
-fn table(reports: &[KindReport]) -> Vec<u8> {
-    let n_kinds = reports.first().map_or(0, |report| report.probabilities().len());
-    let mut text =
-        format!("sequence,captured_ns,kind,novelty,latency_ns{}\n", csv::probability_titles(n_kinds));
-    for report in reports {
-        let (latency_ns, novelty) = (watch::latency_ns(report), csv::number(report.novelty));
-        let probabilities = csv::probabilities(report.probabilities());
-        text += &format!(
-            "{},{},{},{novelty},{latency_ns}{probabilities}\n",
-            report.sequence, report.captured_ns, report.kind
-        );
-    }
-    text.into_bytes()
 }
 
 fn write_file(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf, Failure> {

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot};
 use kinds_driver_shim::{ShimError, Source};
 use kinds_messages::SensorName;
-use kinds_trips::{Selection, TripError, TripReader};
+use kinds_trainer::EvaluateError;
+use kinds_trips::{Selection, TripReader};
 
 use crate::cli::RobotName;
 use crate::failure::Failure;
@@ -36,11 +37,13 @@ pub(crate) struct Driven {
 }
 
 impl Subject {
-    /// Two trips that somebody has recorded. Fails where they cannot be read: before the work on them.
-    pub(crate) fn recorded(trips: [PathBuf; 2]) -> Result<Self, TripError> {
+    /// Two trips that somebody has recorded. Fails where they cannot be read or evaluated: before the work on them.
+    pub(crate) fn recorded(trips: [PathBuf; 2]) -> Result<Self, Failure> {
         let selection = Selection::default();
-        for trip in &trips {
-            TripReader::open(trip, &selection)?;
+        for path in &trips {
+            if TripReader::open(path, &selection)?.poses_topic().is_none() {
+                return Err(EvaluateError::NoPoses { path: path.clone() }.into());
+            }
         }
         let home = "the recorded trips".to_string();
         Ok(Self { sensor: sensor("demo/sensor"), home, trips, elsewhere: None, selection })
