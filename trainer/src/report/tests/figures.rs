@@ -212,11 +212,12 @@ fn captions_say_how_to_read_a_figure_and_what_it_shows() {
     let check =
         |figure: Figure, expected: &str| assert_eq!(figure.caption().replace('\u{a0}', " "), expected);
     let ring = ring();
-    let variance = ring.manifest().provenance.residual_variance[2];
+    let provenance = &ring.manifest().provenance;
+    let (variance, elbow) = (provenance.residual_variance[2], provenance.elbow);
     check(
         residual_variance(&[("Isomap", &ring)]),
         &format!(
-            "What the embedding leaves unexplained, by the number of its dimensions. Large dot: dimensions kept. Isomap: 3 kept, which leave {variance:.4}."
+            "What the embedding leaves unexplained, by the number of its dimensions. Ring: elbow, where the curve bends. Large dot: dimensions kept. Isomap: bends at {elbow}, 3 kept, which leave {variance:.4}."
         ),
     );
     let negative = 100.0 * ring.manifest().provenance.negative_share;
