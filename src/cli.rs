@@ -1,6 +1,7 @@
 //! What can be asked of the program.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -11,7 +12,6 @@ use kinds_model::{Method, Scale};
 use kinds_trainer::Config;
 use kinds_trips::Selection;
 
-use crate::failure::Failure;
 use crate::owner::Joined;
 
 /// Tells a robot, in microseconds and without labels, what kind of place its raw sensors are in.
@@ -48,14 +48,14 @@ impl DomainArguments {
 pub(crate) struct OwnableDomainArguments {
     #[command(flatten)]
     arguments: DomainArguments,
-    /// Process that started this one: both end with it, program and domain
-    #[arg(long, hide = true, value_name = "PID")]
-    owner: Option<i32>,
+    /// End when standard input does: then whoever started this program has ended, and its domain with it
+    #[arg(long, hide = true, requires = "domain")]
+    owned: bool,
 }
 
 impl OwnableDomainArguments {
-    pub(crate) fn join(&self, stop: &AtomicBool) -> Result<Joined, Failure> {
-        Joined::new(self.arguments.domain(), self.owner, stop)
+    pub(crate) fn join(&self, stop: &Arc<AtomicBool>) -> Joined {
+        Joined::new(self.arguments.domain(), self.owned, stop)
     }
 }
 

@@ -7,7 +7,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use iceoryx2::config::Config;
-use iceoryx2::prelude::{FileName, SemanticString};
+use iceoryx2::prelude::{CallbackProgression, FileName, NodeState, SemanticString, ipc};
 
 use crate::memory::SHARED_MEMORY;
 
@@ -56,39 +56,49 @@ impl Domain {
         Self { root: root.to_path_buf(), prefix }
     }
 
-    /// Removes the small file that the transport leaves in shared memory by design, unless programs are in the domain.
+    /// Removes all that the domain has in shared memory, unless programs are in it: what killed programs left, and the
+    /// small file that the transport leaves by design.
     ///
-    /// For domains that end for good, such as a test's: each would leave one otherwise.
+    /// For domains that end for good, such as a test's.
     pub fn remove_remains(&self) -> std::io::Result<()> {
-        if !self.is_deserted()? {
+        if self.is_inhabited()? {
             return Ok(());
         }
-        let is_remains = |entry: &DirEntry| {
-            let name = entry.file_name();
-            let name = name.to_string_lossy();
-            name.starts_with(&self.prefix) && name.ends_with(".global_mgmt")
-        };
+        let is_remains = |entry: &DirEntry| entry.file_name().to_string_lossy().starts_with(&self.prefix);
         for entry in std::fs::read_dir(SHARED_MEMORY)?.flatten().filter(is_remains) {
             std::fs::remove_file(entry.path())?;
         }
         Ok(())
     }
 
-    /// Removes the domain, with its root folder and all that is in it, unless programs are in it.
+    /// Removes the domain, with its root folder and all that is in it, unless programs are in it. Returns whether it is
+    /// gone.
     ///
-    /// For a domain whose maker was killed. Fails when another program does the same at this moment, which is as good.
-    pub fn remove_if_deserted(&self) -> std::io::Result<()> {
+    /// For a domain whose maker was killed. May fail when another program does the same at this moment.
+    pub fn remove_if_deserted(&self) -> std::io::Result<bool> {
+        if self.is_inhabited()? {
+            return Ok(false);
+        }
         self.remove_remains()?;
-        if self.is_deserted()? { std::fs::remove_dir_all(&self.root) } else { Ok(()) }
+        match std::fs::remove_dir_all(&self.root) {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+            _ => Ok(true),
+        }
     }
 
-    /// Whether no program is in it. One that was killed still is, until another has joined.
-    fn is_deserted(&self) -> std::io::Result<bool> {
-        match std::fs::read_dir(self.root.join("nodes")) {
-            Ok(mut nodes) => Ok(nodes.next().is_none()),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(true),
-            Err(error) => Err(error),
-        }
+    /// Whether a program is in it that lives, or that another user's rights hide.
+    ///
+    /// Files in the root tell less: a program that is killed while it joins or leaves is half there, and stays so.
+    fn is_inhabited(&self) -> std::io::Result<bool> {
+        // Where no domain can be, nobody is.
+        let Ok(config) = self.config() else { return Ok(false) };
+        let mut is_inhabited = false;
+        let listed = iceoryx2::node::Node::<ipc::Service>::list(&config, |node| {
+            is_inhabited |= matches!(node, NodeState::Alive(_) | NodeState::Inaccessible(_));
+            CallbackProgression::Continue
+        });
+        listed.map_err(|error| std::io::Error::other(format!("programs cannot be listed: {error:?}")))?;
+        Ok(is_inhabited)
     }
 
     /// The transport's configuration for this domain. Passing one keeps it from looking for configuration files.
@@ -185,6 +195,27 @@ mod tests {
         let domain = Domain { root: test.root.join("x".repeat(n_fill)), prefix: test.prefix.clone() };
         let node = Node::open(&domain, "test").unwrap();
         FrameReader::open(&node, &"ring".parse().unwrap()).unwrap();
+    }
+
+    #[test]
+    fn a_domain_is_removed_when_nobody_is_in_it_and_not_before() {
+        let folder = tempfile::Builder::new().prefix("k").tempdir().unwrap();
+        let domain = Domain::in_folder(folder.path());
+        let in_shared_memory = || {
+            let names = std::fs::read_dir(SHARED_MEMORY).unwrap().map(|entry| entry.unwrap().file_name());
+            names.filter(|name| name.to_string_lossy().starts_with(&domain.prefix)).count()
+        };
+        let node = Node::open(&domain, "test").unwrap();
+        let reader = FrameReader::open(&node, &"ring".parse().unwrap()).unwrap();
+        let n_files = in_shared_memory();
+        assert!(!domain.remove_if_deserted().unwrap());
+        assert_eq!((in_shared_memory(), folder.path().exists()), (n_files, true));
+        drop((reader, node));
+        // What a program leaves that is killed while it joins: a node's folder that no other program sees.
+        std::fs::create_dir(folder.path().join("nodes/1")).unwrap();
+        std::fs::write(Path::new(SHARED_MEMORY).join(format!("{}half", domain.prefix)), "").unwrap();
+        assert!(domain.remove_if_deserted().unwrap());
+        assert_eq!((in_shared_memory(), folder.path().exists()), (0, false));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! `kinds publish`: the driver shim of one sensor.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot};
@@ -56,10 +57,10 @@ fn simulated(
 fn publish<S: Source>(
     source: S,
     arguments: &PublishArguments,
-    stop: &AtomicBool,
+    stop: &Arc<AtomicBool>,
     remark: impl Fn(&S) -> Option<String>,
 ) -> Result<(), Failure> {
-    let domain = arguments.domain.join(stop)?;
+    let domain = arguments.domain.join(stop);
     let node = Node::open(&domain, "kinds-publish")?;
     let (sensor, pace) = (&arguments.sensor, arguments.speed);
     let flow = match pace {

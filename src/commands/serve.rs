@@ -14,7 +14,7 @@ use crate::{model_file, stop};
 pub(crate) fn run(arguments: &ServeArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
     let model = Arc::new(model_file::open(&arguments.model)?);
-    let domain = arguments.domain.join(&stop)?;
+    let domain = arguments.domain.join(&stop);
     let node = Node::open(&domain, "kinds-serve")?;
     let sensor = &arguments.sensor;
     let mut service = Service::start(&node, sensor, Classifier::new(Arc::clone(&model)))?;

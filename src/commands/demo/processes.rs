@@ -3,7 +3,7 @@
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 
 use kinds_messages::{Domain, SensorName};
 use rustix::process::{Pid, Signal, kill_process};
@@ -15,6 +15,8 @@ use crate::failure::Failure;
 pub(crate) struct Process {
     name: &'static str,
     child: Child,
+    /// Its standard input, which ends with us. Not left to the child, whose `wait` would close it.
+    _leash: Option<ChildStdin>,
 }
 
 impl Process {
@@ -32,17 +34,18 @@ impl Process {
             .arg(name)
             .arg("--domain")
             .arg(&domain.root)
-            .args(["--owner", &std::process::id().to_string(), "--sensor", &sensor.to_string()])
+            .args(["--owned", "--sensor", &sensor.to_string()])
             .args(arguments)
-            .stdin(Stdio::null())
+            .stdin(Stdio::piped())
             .stdout(Stdio::piped());
         // A group of its own: Ctrl-C in a terminal reaches us alone, and we end it, once. A second signal would end it at once
         // and leave what it has in shared memory.
         command.process_group(0);
         // What they have to say is said here.
         command.env("KINDS_LOG", "warn");
-        let child = command.spawn().map_err(failed)?;
-        Ok(Self { name, child })
+        let mut child = command.spawn().map_err(failed)?;
+        let leash = child.stdin.take();
+        Ok(Self { name, child, _leash: leash })
     }
 
     /// Waits for its first line: it is ready.
