@@ -8,8 +8,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use kinds_driver_shim::Pace;
 use kinds_driver_shim::simulated::Floor;
 use kinds_messages::{Domain, SensorName};
-use kinds_model::{Method, Scale};
-use kinds_trainer::Config;
+use kinds_model::{Covariance, Scale};
+use kinds_trainer::{Config, MethodChoice};
 use kinds_trips::Selection;
 
 use crate::owner::Joined;
@@ -100,6 +100,9 @@ pub(crate) struct TrainArguments {
     /// File to write the model to
     #[arg(long, short, value_name = "M.kinds")]
     pub(crate) output: PathBuf,
+    /// Folder to write a report to, made if it is not there: report.html, and each figure as SVG with its numbers as CSV
+    #[arg(long, value_name = "DIR")]
+    pub(crate) report: Option<PathBuf>,
     /// RON file with the same fields as the flags below; a flag overrides a field
     #[arg(long, value_name = "FILE.ron")]
     pub(crate) config: Option<PathBuf>,
@@ -115,7 +118,8 @@ pub(crate) struct TrainArguments {
     /// Offset of the log and inverse scales, metres [default: 0.3]
     #[arg(long, value_name = "M")]
     offset_m: Option<f64>,
-    /// How distances between frames become coordinates [default: isomap]
+    /// How distances between frames become coordinates; both: M.kinds is Isomap's, M.pca.kinds and M.pca-matched.kinds
+    /// are PCA's, of its own and of Isomap's size [default: isomap]
     #[arg(long, value_enum)]
     method: Option<MethodName>,
     /// Neighbours of each frame in the graph [default: 10]
@@ -130,6 +134,9 @@ pub(crate) struct TrainArguments {
     /// Kinds to find, 1 to 64 [default: chosen by evidence from 1 to 20; `kinds inspect` shows it]
     #[arg(long, value_name = "N")]
     kinds: Option<usize>,
+    /// Shape of the kinds [default: full]
+    #[arg(long, value_enum)]
+    covariance: Option<CovarianceName>,
     /// Starts of the mixture [default: 10]
     #[arg(long, value_name = "N")]
     starts: Option<usize>,
@@ -306,6 +313,20 @@ enum MethodName {
     Isomap,
     /// Euclidean distances: principal component analysis
     Pca,
+    /// One after the other, to compare
+    Both,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum CovarianceName {
+    /// Each kind any ellipsoid
+    Full,
+    /// All kinds one ellipsoid
+    Tied,
+    /// Each kind an ellipsoid along the dimensions
+    Diagonal,
+    /// Each kind a ball
+    Spherical,
 }
 
 impl TrainArguments {
@@ -321,13 +342,20 @@ impl TrainArguments {
             invalid_range_m: self.invalid_range_m,
             offset_m: self.offset_m,
             method: self.method.map(|name| match name {
-                MethodName::Isomap => Method::Isomap,
-                MethodName::Pca => Method::Pca,
+                MethodName::Isomap => MethodChoice::Isomap,
+                MethodName::Pca => MethodChoice::Pca,
+                MethodName::Both => MethodChoice::Both,
             }),
             neighbors: self.neighbors,
             landmarks: self.landmarks,
             dims: self.dims,
             kinds: self.kinds,
+            covariance: self.covariance.map(|name| match name {
+                CovarianceName::Full => Covariance::Full,
+                CovarianceName::Tied => Covariance::Tied,
+                CovarianceName::Diagonal => Covariance::Diagonal,
+                CovarianceName::Spherical => Covariance::Spherical,
+            }),
             starts: self.starts,
             covariance_floor: self.covariance_floor,
             seed: self.seed,

@@ -94,7 +94,9 @@ impl From<TrainError> for Failure {
             TrainError::Config(_) | TrainError::Fit(FitError::Response(_)) => {
                 Self::AskedWrongly(error.to_string())
             }
-            TrainError::OtherSensor { .. } | TrainError::Fit(_) => Self::CouldNot(error.to_string()),
+            TrainError::OtherSensor { .. } | TrainError::Fit(_) | TrainError::FitPca(_) => {
+                Self::CouldNot(error.to_string())
+            }
         }
     }
 }

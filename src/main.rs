@@ -13,6 +13,7 @@ mod failure;
 mod model_file;
 mod owner;
 mod progress;
+mod report_folder;
 mod say;
 mod stop;
 mod trip_file;

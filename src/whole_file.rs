@@ -3,18 +3,44 @@
 use std::fs::{File, Permissions};
 use std::io::{self, Write};
 use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
+/// A file that is on disk under a temporary name. Dropped before it is kept, it leaves nothing behind.
+pub(crate) struct Staged {
+    file: NamedTempFile,
+    path: PathBuf,
+}
+
+impl Staged {
+    /// Where it will be.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Gives it its name, and takes that from another file if one has it.
+    pub(crate) fn keep(self) -> io::Result<()> {
+        self.file.persist(&self.path).map_err(|error| error.error)?;
+        // The new name is in the folder, which is on disk when it has been synchronised too.
+        File::open(folder_of(&self.path))?.sync_all()
+    }
+}
+
 /// Writes under a temporary name, and renames when all is on disk.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    stage(path, bytes)?.keep()
+}
+
+/// Writes under a temporary name.
+pub(crate) fn stage(path: &Path, bytes: &[u8]) -> io::Result<Staged> {
+    if path.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
+    }
     let mut file = temporary_beside(path)?;
     file.write_all(bytes)?;
     file.as_file().sync_all()?;
-    file.persist(path).map_err(|error| error.error)?;
-    // The new name is in the folder, which is on disk when it has been synchronised too.
-    File::open(folder_of(path))?.sync_all()
+    Ok(Staged { file, path: path.to_path_buf() })
 }
 
 pub(crate) fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {

@@ -98,10 +98,10 @@ impl Scan<'_> {
         let folds: Vec<Result<f64, EmError>> =
             (0..N_FOLDS).into_par_iter().map(|fold| self.held_out(fold, n_kinds, tally)).collect();
         let held_out: f64 = folds.into_iter().sum::<Result<f64, EmError>>()?;
-        let EmFit { log_likelihoods, mixture, .. } = all?;
+        let EmFit { log_likelihoods, .. } = all?;
         let log_likelihood = log_likelihoods[log_likelihoods.len() - 1];
         let (n, n_effective) = (self.points.n() as f64, self.n_frames_effective);
-        let n_parameters = mixture.n_parameters() as f64;
+        let n_parameters = self.plan.covariance.n_parameters(n_kinds, self.points.n_dims) as f64;
         Ok(KindsTrial {
             n_kinds,
             log_likelihood,

@@ -44,7 +44,7 @@ pub type Progress<'a> = dyn FnMut(Step, usize, usize) + Send + 'a;
 pub enum Size {
     /// As many as the model has: for a fair comparison.
     Matched,
-    /// As many as the evidence speaks for, whatever the model's plan asked for.
+    /// As many as the model's plan asked for, or where it left that to the evidence, as this speaks for.
     Own,
 }
 
@@ -118,7 +118,7 @@ pub fn refit(model: &Model, method: Method, size: Size, progress: &mut Progress)
     let Manifest { plan, n_dims, n_kinds, provenance, .. } = model.manifest();
     let (n_dims, n_kinds) = match size {
         Size::Matched => (Some(*n_dims), Some(*n_kinds)),
-        Size::Own => (None, None),
+        Size::Own => (plan.n_dims, plan.n_kinds),
     };
     let plan = FitPlan { method, n_dims, n_kinds, ..plan.clone() };
     let origin = provenance.origin.clone();
@@ -311,8 +311,8 @@ fn find_kinds(
     let mut done = |n_done| progress(Step::Kinds, n_tried + n_done, n_fits);
     let em = fit_mixture(coordinates, n_dims, n_kinds, &plan.em, &mut done)?;
     provenance.log_likelihood = em.log_likelihoods[em.log_likelihoods.len() - 1];
-    provenance.bic =
-        -2.0 * provenance.log_likelihood + em.mixture.n_parameters() as f64 * (n_frames as f64).ln();
+    provenance.bic = -2.0 * provenance.log_likelihood
+        + plan.em.covariance.n_parameters(n_kinds, n_dims) as f64 * (n_frames as f64).ln();
     provenance.n_iterations = em.log_likelihoods.len() - 1;
     provenance.converged = em.converged;
     provenance.n_starts_collapsed = em.n_starts_collapsed;

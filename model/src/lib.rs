@@ -56,7 +56,7 @@ pub mod response;
 mod tally;
 
 pub use classify::{Classification, Classifier, Status};
-pub use em::EmPlan;
+pub use em::{Covariance, EmPlan};
 pub use file::ModelFileError;
 pub use fit::{FitError, Size, Step, fit, refit};
 pub use frames::{Frames, SensorLayout};

@@ -131,12 +131,6 @@ impl Mixture {
         &self.covariances
     }
 
-    /// κ: free parameters of this mixture, `(J − 1) + J d + J d (d + 1) / 2`.
-    pub fn n_parameters(&self) -> usize {
-        let (j, d) = (self.n_kinds(), self.n_dims);
-        (j - 1) + j * d + j * d * (d + 1) / 2
-    }
-
     /// Squared Mahalanobis distance of a place from the mean of a kind: `(e − μ)ᵀ Σ⁻¹ (e − μ)`.
     ///
     /// * `coordinates` — shape `(n_dims,)`, counts
@@ -249,7 +243,6 @@ mod tests {
         let log_likelihood = two_kinds().posterior(&[x, y], &mut probabilities);
         assert!((log_likelihood - (p0 + p1).ln()).abs() < 1e-14);
         assert!((probabilities[0] - p0 / (p0 + p1)).abs() < 1e-14);
-        assert_eq!(two_kinds().n_parameters(), 1 + 4 + 6);
     }
 
     #[test]

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use kinds_model::{
-    Classifier, EmPlan, FitError, FitPlan, Frames, Method, Model, ModelFileError, Origin, ResponsePlan,
-    Scale, SensorLayout, Size, Status, file, fit, neighbors, refit,
+    Classifier, Covariance, EmPlan, FitError, FitPlan, Frames, Method, Model, ModelFileError, Origin,
+    ResponsePlan, Scale, SensorLayout, Size, Status, file, fit, neighbors, refit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -93,7 +93,7 @@ fn refitting_by_the_same_method_gives_the_same_model() {
 }
 
 #[test]
-fn refitting_at_matched_size_keeps_dimensions_and_kinds_and_at_its_own_asks_the_evidence() {
+fn refitting_at_matched_size_keeps_dimensions_and_kinds_and_at_its_own_asks_what_the_plan_asked() {
     let by_evidence = |method| FitPlan { n_dims: None, n_kinds: None, ..plan(method) };
     let fitted = |plan| fit(trip(150, 3), &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
     let isomap = fitted(by_evidence(Method::Isomap));
@@ -101,9 +101,10 @@ fn refitting_at_matched_size_keeps_dimensions_and_kinds_and_at_its_own_asks_the_
     let matched = refit(&isomap, Method::Pca, Size::Matched, &mut |_, _, _| ()).unwrap();
     assert_eq!(size(&matched), size(&isomap));
     assert!(matched.manifest().provenance.kinds_tried.is_empty());
-    // Whatever was asked for the first time.
-    let own = refit(&model(Method::Isomap), Method::Pca, Size::Own, &mut |_, _, _| ()).unwrap();
-    assert_eq!(own.id(), fitted(by_evidence(Method::Pca)).id());
+    let own = |model: &Model| refit(model, Method::Pca, Size::Own, &mut |_, _, _| ()).unwrap();
+    assert_eq!(own(&isomap).id(), fitted(by_evidence(Method::Pca)).id());
+    // What was asked for is asked for again.
+    assert_eq!(own(&model(Method::Isomap)).id(), model(Method::Pca).id());
 }
 
 #[test]
@@ -189,6 +190,24 @@ fn a_model_read_from_its_bytes_is_the_same_and_its_frames_lie_in_them() {
         for frame in trip(40, 9).chunks_exact(N_READINGS) {
             assert_eq!(first.classify(frame), second.classify(frame));
         }
+    }
+}
+
+#[test]
+fn kinds_have_the_shape_that_was_asked_for_and_a_file_says_which() {
+    for covariance in [Covariance::Full, Covariance::Tied, Covariance::Diagonal, Covariance::Spherical] {
+        let plan = FitPlan { em: EmPlan { covariance, ..EmPlan::new(1) }, ..plan(Method::Isomap) };
+        let model = fit(trip(150, 3), &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
+        let read = file::from_bytes(&Bytes::from(file::to_bytes(&model))).unwrap();
+        assert_eq!(read.manifest().plan.em.covariance, covariance);
+        let matrices: Vec<&[f64]> = read.mixture().covariances().chunks_exact(9).collect();
+        let is_diagonal = |matrix: &&[f64]| (0..9).all(|index| index % 4 == 0 || matrix[index] == 0.0);
+        let is_ball =
+            |matrix: &&[f64]| is_diagonal(matrix) && matrix[0] == matrix[4] && matrix[4] == matrix[8];
+        assert_eq!(matrices.iter().all(|matrix| *matrix == matrices[0]), covariance == Covariance::Tied);
+        let is_along = [Covariance::Diagonal, Covariance::Spherical].contains(&covariance);
+        assert_eq!(matrices.iter().all(is_diagonal), is_along);
+        assert_eq!(matrices.iter().all(is_ball), covariance == Covariance::Spherical);
     }
 }
 

@@ -12,7 +12,9 @@ use kinds_model::mds::Embedding;
 use kinds_model::mixture::{Mixture, most_probable};
 use kinds_model::neighbors::nearest_of_each;
 use kinds_model::residual_variance::{elbow, residual_variance};
-use kinds_model::{EmPlan, FitPlan, Frames, Method, Origin, ResponsePlan, Scale, SensorLayout, fit};
+use kinds_model::{
+    Covariance, EmPlan, FitPlan, Frames, Method, Origin, ResponsePlan, Scale, SensorLayout, fit,
+};
 use safetensors::SafeTensors;
 
 /// A file of golden arrays.
@@ -336,8 +338,14 @@ fn adjusted_rand(kinds: &[usize], labels: &[u8]) -> f64 {
 }
 
 /// No floor to speak of, to convergence.
-fn exact() -> EmPlan {
-    EmPlan { covariance_floor: 1e-300, tolerance: 1e-12, n_iterations_max: 5000, ..EmPlan::new(0) }
+fn exact(covariance: Covariance) -> EmPlan {
+    EmPlan {
+        covariance,
+        covariance_floor: 1e-300,
+        tolerance: 1e-12,
+        n_iterations_max: 5000,
+        ..EmPlan::new(0)
+    }
 }
 
 #[test]
@@ -345,30 +353,54 @@ fn iris_has_scikit_learns_bic_for_one_two_and_three_kinds() {
     let golden = Golden::open("iris");
     let flowers = golden.f64s("points");
     for (n_kinds, expected) in (1..=3).zip(golden.f64s("bic")) {
-        let fit = fit_mixture(&flowers, 4, n_kinds, &exact(), &mut |_| ()).unwrap();
-        let bic =
-            -2.0 * fit.log_likelihoods.last().unwrap() + fit.mixture.n_parameters() as f64 * 150.0_f64.ln();
+        let fit = fit_mixture(&flowers, 4, n_kinds, &exact(Covariance::Full), &mut |_| ()).unwrap();
+        let bic = bic(*fit.log_likelihoods.last().unwrap(), &fit.mixture, Covariance::Full, 150);
         assert!((bic - expected).abs() <= 1e-5 * expected, "{n_kinds} kinds: {bic} instead of {expected}");
     }
 }
 
-/// EM from the same start: step by step, and at its fixpoint.
-fn check_em(golden: &Golden, prefix: &str, coordinates: &[f64], n_dims: usize) {
-    let array = |name: &str| golden.f64s(&format!("{prefix}/{name}"));
-    let start =
-        Mixture::new(n_dims, array("start/weights"), array("start/means"), array("start/covariances"))
-            .unwrap();
-    let fit = fit_mixture_from(coordinates, start, &exact()).unwrap();
-    assert!(fit.converged);
-    check_relative("steps", &fit.log_likelihoods[..10], &array("log_likelihoods"), 1e-9);
-    check_relative(
-        "end",
-        &fit.log_likelihoods[fit.log_likelihoods.len() - 1..],
-        &array("log_likelihood"),
-        1e-6,
-    );
-    check_relative("weights", fit.mixture.weights(), &array("weights"), 1e-4);
-    check_relative("means", fit.mixture.means(), &array("means"), 1e-3);
+fn bic(log_likelihood: f64, mixture: &Mixture, covariance: Covariance, n_frames: usize) -> f64 {
+    let n_parameters = covariance.n_parameters(mixture.n_kinds(), mixture.n_dims());
+    -2.0 * log_likelihood + n_parameters as f64 * (n_frames as f64).ln()
+}
+
+/// Where each shape of covariances stands in the files: after the name of the mixture.
+const SHAPES: [(&str, Covariance); 4] = [
+    ("", Covariance::Full),
+    ("_tied", Covariance::Tied),
+    ("_diag", Covariance::Diagonal),
+    ("_spherical", Covariance::Spherical),
+];
+
+/// EM from the same start, for each shape of covariances: step by step, and at its fixpoint.
+fn check_em(golden: &Golden, name: &str, coordinates: &[f64], n_dims: usize) {
+    for (suffix, covariance) in SHAPES {
+        let what = |of: &str| format!("{of} of {covariance:?}");
+        let array = |array: &str| golden.f64s(&format!("{name}{suffix}/{array}"));
+        let start =
+            Mixture::new(n_dims, array("start/weights"), array("start/means"), array("start/covariances"))
+                .unwrap();
+        let fit = fit_mixture_from(coordinates, start, &exact(covariance)).unwrap();
+        assert!(fit.converged);
+        check_relative(&what("steps"), &fit.log_likelihoods[..10], &array("log_likelihoods"), 1e-9);
+        let end = fit.log_likelihoods[fit.log_likelihoods.len() - 1];
+        check_relative(&what("end"), &[end], &array("log_likelihood"), 1e-6);
+        let bic = bic(end, &fit.mixture, covariance, coordinates.len() / n_dims);
+        check_relative(&what("BIC"), &[bic], &array("bic"), 1e-6);
+        check_relative(&what("weights"), fit.mixture.weights(), &array("weights"), 1e-4);
+        check_relative(&what("means"), fit.mixture.means(), &array("means"), 1e-3);
+        check_covariances(&what("covariances"), fit.mixture.covariances(), &array("covariances"));
+    }
+}
+
+/// Against the largest entry: those beside the diagonal may be nearly nothing.
+fn check_covariances(what: &str, found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len(), "{what}");
+    let largest = expected.iter().fold(0.0_f64, |largest, entry| largest.max(entry.abs()));
+    for (index, (found, expected)) in found.iter().zip(expected).enumerate() {
+        let error = (found - expected).abs();
+        assert!(error <= 1e-3 * largest, "{what}[{index}]: {found} instead of {expected}");
+    }
 }
 
 #[test]

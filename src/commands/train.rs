@@ -1,15 +1,18 @@
-//! `kinds train`: recorded trips → model file.
+//! `kinds train`: recorded trips → model file, or model files by both methods, and a report.
 
-use std::io::Write;
-use std::path::Path;
+mod report;
+
+use std::path::{Path, PathBuf};
 
 use kinds_model::{KindsTrial, Manifest, Method, Model, Scale};
-use kinds_trainer::{Config, Trained};
+use kinds_trainer::report::kinds_agreement;
+use kinds_trainer::{Config, MethodChoice, PcaModels, Trained};
 
 use crate::cli::TrainArguments;
 use crate::failure::Failure;
-use crate::model_file;
 use crate::progress::StepBar;
+use crate::say::mention;
+use crate::{model_file, report_folder};
 
 pub(crate) fn run(arguments: TrainArguments) -> Result<(), Failure> {
     let flags = arguments.config();
@@ -17,24 +20,88 @@ pub(crate) fn run(arguments: TrainArguments) -> Result<(), Failure> {
         Some(path) => read_config(path)?.overridden_by(flags),
         None => flags,
     };
-    model_file::check_writable(&arguments.output)?;
-    let Trained { model, remarks } = train(&arguments.trips, &config)?;
-    for remark in remarks {
+    let paths = ModelPaths::beside(&arguments.output);
+    check_writable(&paths, &arguments, &config)?;
+    let trained = train(&arguments.trips, &config)?;
+    for remark in &trained.remarks {
         eprintln!("kinds: {remark}");
     }
-    let n_bytes = model_file::write(&arguments.output, &model)?;
-    let (path, n_mb) = (arguments.output.display(), n_bytes as f64 / 1e6);
-    let mut out = std::io::stdout().lock();
-    writeln!(out, "{}", summary(&model))?;
-    for line in choices(&model) {
-        writeln!(out, "{line}")?;
+    write_and_say(&paths.own, &trained.model)?;
+    if let Some(pca) = &trained.pca {
+        write_and_say(&paths.pca, &pca.own)?;
+        if let Some(matched) = &pca.matched {
+            write_and_say(&paths.pca_matched, matched)?;
+        }
+        mention(agreement(&trained.model, pca))?;
     }
-    writeln!(out, "wrote {path} ({n_mb:.1} MB, model {})", model.id())?;
+    if let Some(folder) = &arguments.report {
+        let page = report_folder::write(folder, &report::page(&trained))?;
+        mention(format!("wrote {}", page.display()))?;
+    }
     Ok(())
 }
 
+/// Where the models go. Those of principal components beside Isomap's have its name with a word in it.
+struct ModelPaths {
+    own: PathBuf,
+    pca: PathBuf,
+    pca_matched: PathBuf,
+}
+
+impl ModelPaths {
+    fn beside(output: &Path) -> Self {
+        let with_word = |word: &str| {
+            let mut name = output.file_stem().unwrap_or_default().to_os_string();
+            name.push(format!(".{word}"));
+            if let Some(extension) = output.extension() {
+                name.push(".");
+                name.push(extension);
+            }
+            output.with_file_name(name)
+        };
+        Self { own: output.to_path_buf(), pca: with_word("pca"), pca_matched: with_word("pca-matched") }
+    }
+}
+
+/// Finds out, before long work, whether all that is asked for can be written.
+fn check_writable(paths: &ModelPaths, arguments: &TrainArguments, config: &Config) -> Result<(), Failure> {
+    model_file::check_writable(&paths.own)?;
+    if config.method == Some(MethodChoice::Both) {
+        model_file::check_writable(&paths.pca)?;
+        model_file::check_writable(&paths.pca_matched)?;
+    }
+    arguments.report.as_deref().map_or(Ok(()), report_folder::check_writable)
+}
+
+fn write_and_say(path: &Path, model: &Model) -> Result<(), Failure> {
+    let n_mb = model_file::write(path, model)? as f64 / 1e6;
+    mention(summary(model))?;
+    for line in choices(model) {
+        mention(line)?;
+    }
+    mention(format!("wrote {} ({n_mb:.1} MB, model {})", path.display(), model.id()))
+}
+
+/// How alike the kinds of both methods are.
+fn agreement(isomap: &Model, pca: &PcaModels) -> String {
+    let agreement = |model: &Model| {
+        let (n_dims, n_kinds) = (model.embedding().n_dims(), model.mixture().n_kinds());
+        let ami = kinds_agreement(isomap, model);
+        format!("{ami:.2} at {n_dims} dimensions and {n_kinds} {}", kinds_word(n_kinds))
+    };
+    let agreements: Vec<String> = std::iter::once(&pca.own).chain(&pca.matched).map(agreement).collect();
+    format!(
+        "principal components' kinds of these frames agree with Isomap's (adjusted mutual information): {}",
+        agreements.join(", ")
+    )
+}
+
+fn kinds_word(n_kinds: usize) -> &'static str {
+    if n_kinds == 1 { "kind" } else { "kinds" }
+}
+
 /// Trains with a progress bar.
-pub(crate) fn train(trips: &[std::path::PathBuf], config: &Config) -> Result<Trained, Failure> {
+pub(crate) fn train(trips: &[PathBuf], config: &Config) -> Result<Trained, Failure> {
     let mut bar = StepBar::new();
     let trained = kinds_trainer::train(trips, config, &mut |stage, done, all| bar.show(stage, done, all));
     bar.clear();
@@ -54,7 +121,7 @@ pub(crate) fn summary(model: &Model) -> String {
     format!(
         "learnt {n_kinds} {} from {n_frames} frames of {} readings: {} of {} in {n_dims} dimensions, residual variance \
          {:.4}",
-        if *n_kinds == 1 { "kind" } else { "kinds" },
+        kinds_word(*n_kinds),
         plan.sensor.n_readings(),
         method_name(plan.method),
         scale_name(plan.response.scale),

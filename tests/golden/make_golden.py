@@ -110,7 +110,7 @@ def digits() -> Arrays:
         "isomap/coordinates": isomap_coordinates,
         "pca/coordinates": pca_coordinates,
         "pca/explained_variances": pca.explained_variance_,
-        **prefixed("pca/mixture5", mixture_from_start(pca_coordinates, n_kinds=5)),
+        **mixtures_from_start("pca/mixture5", pca_coordinates, n_kinds=5),
         **prefixed("isomap/mixture10", mixture_against_labels(isomap_coordinates, data.target)),
         **prefixed("pca/mixture10", mixture_against_labels(pca_coordinates, data.target)),
     }
@@ -121,7 +121,7 @@ def iris() -> Arrays:
     return {
         "points": points,
         "bic": np.array([best_mixture(points, n_kinds).bic(points) for n_kinds in (1, 2, 3)]),
-        **prefixed("mixture3", mixture_from_start(points, n_kinds=3)),
+        **mixtures_from_start("mixture3", points, n_kinds=3),
     }
 
 
@@ -275,41 +275,86 @@ def mixture_against_labels(coordinates: NDArray, labels: NDArray) -> Arrays:
     }
 
 
-def mixture_from_start(points: NDArray, n_kinds: int) -> Arrays:
+def mixtures_from_start(name: str, points: NDArray, n_kinds: int) -> Arrays:
+    """A mixture of each shape: full under `name`, the others beside it."""
+    shapes = {name: "full"} | {f"{name}_{kind}": kind for kind in ("tied", "diag", "spherical")}
+    arrays = {}
+    for prefix, covariance_type in shapes.items():
+        arrays |= prefixed(prefix, mixture_from_start(points, n_kinds, covariance_type))
+    return arrays
+
+
+def mixture_from_start(points: NDArray, n_kinds: int, covariance_type: str) -> Arrays:
     """EM from a stated start to its fixpoint, without a covariance floor: deterministic.
 
-    The start is the mixture whose responsibilities are k-means' labels, 1 or 0.
-    `log_likelihoods[i]` belongs to the parameters after i steps; `log_likelihood` to the final ones.
+    The start is the mixture whose responsibilities are k-means' labels, 1 or 0, with covariances of
+    the shape. They are written as one full matrix for each kind, whatever the shape.
+    `log_likelihoods[i]` belongs to the parameters after i steps; `log_likelihood` and `bic` to the
+    final ones.
     """
     points = points.astype(np.float64)
-    start = hard_mixture(points, KMeans(n_kinds, n_init=10, random_state=0).fit_predict(points))
+    kinds = KMeans(n_kinds, n_init=10, random_state=0).fit_predict(points)
+    start = hard_mixture(points, kinds, covariance_type)
     mixture = GaussianMixture(
         n_kinds,
+        covariance_type=covariance_type,
         reg_covar=0,
         tol=1e-12,
         max_iter=5000,
         weights_init=start["weights"],
         means_init=start["means"],
-        precisions_init=np.linalg.inv(start["covariances"]),
+        precisions_init=own_form(np.linalg.inv(start["covariances"]), covariance_type),
     ).fit(points)
     assert mixture.converged_
     return {
         **prefixed("start", start),
         "weights": mixture.weights_,
         "means": mixture.means_,
-        "covariances": mixture.covariances_,
+        "covariances": full_matrices(mixture),
         "log_likelihoods": np.array(mixture.lower_bounds_[:10]) * len(points),
         "log_likelihood": scalar(total_log_likelihood(mixture, points)),
+        "bic": scalar(float(mixture.bic(points))),
     }
 
 
-def hard_mixture(points: NDArray, kinds: NDArray) -> Arrays:
+def hard_mixture(points: NDArray, kinds: NDArray, covariance_type: str) -> Arrays:
     members = [points[kinds == kind] for kind in range(kinds.max() + 1)]
-    return {
-        "weights": np.array([len(m) / len(points) for m in members]),
-        "means": np.array([m.mean(axis=0) for m in members]),
-        "covariances": np.array([np.cov(m.T, bias=True) for m in members]),
-    }
+    weights = np.array([len(m) / len(points) for m in members])
+    scatters = np.array([np.cov(m.T, bias=True) for m in members])
+    unit = np.eye(points.shape[1])
+    if covariance_type == "tied":
+        within = np.einsum("k,kij->ij", weights, scatters)
+        scatters = np.array([within for _ in members])
+    elif covariance_type == "diag":
+        scatters = scatters * unit
+    elif covariance_type == "spherical":
+        scatters = np.array([np.trace(s) / len(unit) * unit for s in scatters])
+    means = np.array([m.mean(axis=0) for m in members])
+    return {"weights": weights, "means": means, "covariances": scatters}
+
+
+def own_form(matrices: NDArray, covariance_type: str) -> NDArray:
+    """One full matrix for each kind as scikit-learn wants a shape's."""
+    if covariance_type == "tied":
+        return matrices[0]
+    if covariance_type == "diag":
+        return np.diagonal(matrices, axis1=1, axis2=2).copy()
+    if covariance_type == "spherical":
+        return matrices[:, 0, 0].copy()
+    return matrices
+
+
+def full_matrices(mixture: GaussianMixture) -> NDArray:
+    """The covariances of a shape as one full matrix for each kind."""
+    n_kinds, n_dims = mixture.means_.shape
+    covariances = mixture.covariances_
+    if mixture.covariance_type == "tied":
+        return np.array([covariances for _ in range(n_kinds)])
+    if mixture.covariance_type == "diag":
+        return np.array([np.diag(c) for c in covariances])
+    if mixture.covariance_type == "spherical":
+        return np.array([c * np.eye(n_dims) for c in covariances])
+    return covariances
 
 
 def total_log_likelihood(mixture: GaussianMixture, points: NDArray) -> float:

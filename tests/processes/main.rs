@@ -18,6 +18,7 @@ mod running;
 mod serve;
 mod simulated;
 mod train;
+mod train_report;
 mod watch;
 mod way;
 mod world;

@@ -26,14 +26,15 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
     robot.write(
         "config.ron",
         "// Everything that there is.\n(response: log, range_m_max: 5.0, invalid_range_m: 4.5, offset_m: 0.2, method: \
-         pca, neighbors: 7, landmarks: 90, dims: 3, kinds: 4, starts: 2, covariance_floor: 0.01, seed: 3, \
+         pca, neighbors: 7, landmarks: 90, dims: 3, kinds: 4, covariance: \
+         tied, starts: 2, covariance_floor: 0.01, seed: 3, \
          metres_per_count: 0.002, frames_topic: \"/ring\", poses_topic: \"/odom\")",
     );
     robot.succeed(&["train", FIRST, "--output", "file.kinds", "--config", "config.ron"]);
     #[rustfmt::skip]
     let flags = [
         "--response", "log", "--range-m-max", "5", "--invalid-range-m", "4.5", "--offset-m", "0.2", "--method", "pca",
-        "--neighbors", "7", "--landmarks", "90", "--dims", "3", "--kinds", "4", "--starts", "2",
+        "--neighbors", "7", "--landmarks", "90", "--dims", "3", "--kinds", "4", "--covariance", "tied", "--starts", "2",
         "--covariance-floor", "0.01", "--seed", "3", "--metres-per-count", "0.002", "--frames-topic", "/ring",
         "--poses-topic", "/odom",
     ];
@@ -82,7 +83,7 @@ fn training_says_what_was_learnt_and_where_it_is() {
 #[test]
 fn what_is_left_to_the_evidence_is_chosen_and_both_train_and_inspect_say_why() {
     let robot = Robot::trained();
-    let outcome = robot.run(&["train", FIRST, "--output", "chosen.kinds"]);
+    let outcome = robot.run(&["train", FIRST, "--output", "chosen.kinds", "--report", "report"]);
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
     let inspection = inspect(&robot, "chosen.kinds");
     assert_eq!((&inspection["plan"]["n_dims"], &inspection["plan"]["n_kinds"]), (&Value::Null, &Value::Null));
@@ -96,6 +97,7 @@ fn what_is_left_to_the_evidence_is_chosen_and_both_train_and_inspect_say_why() {
     let [(best, number), (second, runner_up), ..] = by_bic_neff[..] else { panic!("{tried:?}") };
     assert_eq!(number, n_kinds);
     let n_effective = provenance["n_frames_effective"].as_f64().unwrap();
+    let report = String::from_utf8(robot.read("report/report.html")).unwrap();
     for line in [
         format!("dimensions: {n_dims}, the elbow of the residual variance at {elbow} and 2 more"),
         format!(
@@ -106,6 +108,7 @@ fn what_is_left_to_the_evidence_is_chosen_and_both_train_and_inspect_say_why() {
         ),
     ] {
         assert!(outcome.stdout.lines().any(|found| found == line), "no {line:?} in {}", outcome.stdout);
+        assert!(report.contains(&format!("<li>{line}</li>")), "no {line:?} in the report");
     }
 
     let text = robot.succeed(&["inspect", "chosen.kinds"]);

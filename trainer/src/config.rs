@@ -1,6 +1,8 @@
 //! What a person says about training (RON or flags), and the checked plan that it becomes for a sensor.
 
-use kinds_model::{EmPlan, FitPlan, Method, N_DIMS_MAX, N_KINDS_MAX, ResponsePlan, Scale, SensorLayout};
+use kinds_model::{
+    Covariance, EmPlan, FitPlan, Method, N_DIMS_MAX, N_KINDS_MAX, ResponsePlan, Scale, SensorLayout,
+};
 use kinds_trips::Selection;
 use serde::Deserialize;
 
@@ -16,8 +18,8 @@ pub struct Config {
     pub invalid_range_m: Option<f64>,
     /// Offset of the log and inverse scales, metres, above 0. Default: 0.3.
     pub offset_m: Option<f64>,
-    /// Isomap or PCA. Default: Isomap.
-    pub method: Option<Method>,
+    /// Isomap, PCA, or both of them side by side. Default: Isomap.
+    pub method: Option<MethodChoice>,
     /// Neighbours in the graph, at least 1. Default: 10.
     pub neighbors: Option<usize>,
     /// Landmarks, at least 1. Default: 1000, or all frames if there are fewer.
@@ -26,6 +28,8 @@ pub struct Config {
     pub dims: Option<usize>,
     /// Kinds, 1 to 64. Default: of 1 to 20, the number with the least BIC for as many frames as are independent.
     pub kinds: Option<usize>,
+    /// Shape of the kinds: full, tied, diagonal or spherical covariances. Default: full.
+    pub covariance: Option<Covariance>,
     /// Starts of the mixture, at least 1. Default: 10.
     pub starts: Option<usize>,
     /// Least variance of a kind in any direction, share of the mean variance, above 0 and below 1. Default: 0.001.
@@ -38,6 +42,20 @@ pub struct Config {
     pub frames_topic: Option<String>,
     /// Topic of the poses. Default: the only one that fits.
     pub poses_topic: Option<String>,
+}
+
+/// Which models are to be learnt from the frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub enum MethodChoice {
+    /// One, by geodesics.
+    #[serde(alias = "isomap")]
+    Isomap,
+    /// One, by principal components.
+    #[serde(alias = "pca")]
+    Pca,
+    /// One by geodesics, and two by principal components to compare it with: one of their own size and one of its.
+    #[serde(alias = "both")]
+    Both,
 }
 
 /// Why a configuration is no plan.
@@ -96,6 +114,7 @@ impl Config {
             landmarks: over.landmarks.or(self.landmarks),
             dims: over.dims.or(self.dims),
             kinds: over.kinds.or(self.kinds),
+            covariance: over.covariance.or(self.covariance),
             starts: over.starts.or(self.starts),
             covariance_floor: over.covariance_floor.or(self.covariance_floor),
             seed: over.seed.or(self.seed),
@@ -176,12 +195,16 @@ impl Config {
                 offset_m: self.offset_m.unwrap_or(usual.offset_m),
                 ..usual
             },
-            method: self.method.unwrap_or(Method::Isomap),
+            method: match self.method {
+                None | Some(MethodChoice::Isomap | MethodChoice::Both) => Method::Isomap,
+                Some(MethodChoice::Pca) => Method::Pca,
+            },
             n_neighbors: self.neighbors.unwrap_or(10),
             n_landmarks: self.landmarks.unwrap_or(1000),
             n_dims: self.dims,
             n_kinds: self.kinds,
             em: EmPlan {
+                covariance: self.covariance.unwrap_or(em.covariance),
                 n_starts: self.starts.unwrap_or(em.n_starts),
                 covariance_floor: self.covariance_floor.unwrap_or(em.covariance_floor),
                 ..em
@@ -224,6 +247,13 @@ mod tests {
         let plan =
             file.overridden_by(Config { kinds: Some(3), ..Config::default() }).plan(RING, &[1]).unwrap();
         assert_eq!((plan.n_kinds, plan.response.scale, plan.method), (Some(3), Scale::Log, Method::Pca));
+    }
+
+    #[test]
+    fn both_methods_begin_with_isomap() {
+        let plan = |text: &str| Config::from_ron(text).unwrap().plan(RING, &[1]).unwrap();
+        assert_eq!(plan("(method: both)"), plan("(method: isomap)"));
+        assert_eq!(plan("(method: Both, covariance: Tied)"), plan("(covariance: tied)"));
     }
 
     #[test]

@@ -12,10 +12,11 @@ mod load;
 mod progress;
 pub mod report;
 mod runs;
+mod track;
 mod train;
 
 pub use agreement::adjusted_mutual_information;
-pub use config::{Config, ConfigError};
+pub use config::{Config, ConfigError, MethodChoice};
 pub use consistency::{Consistency, Places, Revisits, kappa};
 pub use evaluate::{
     EvaluateError, Evaluation, EvaluationPlan, Meeting, MethodScores, Methods, Rivals, evaluate,
@@ -23,4 +24,5 @@ pub use evaluate::{
 pub use load::{LoadError, LoadedTrip, load};
 pub use progress::{Progress, Stage};
 pub use runs::Runs;
-pub use train::{TrainError, Trained, train};
+pub use track::Track;
+pub use train::{PcaModels, TrainError, Trained, train};

@@ -3,19 +3,34 @@
 use std::path::PathBuf;
 
 use kinds_model::evidence::{N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out};
-use kinds_model::{FitError, KindsTrial, Model, Origin, SensorLayout, fit};
+use kinds_model::{FitError, KindsTrial, Method, Model, Origin, SensorLayout, Size, fit, refit};
 
-use crate::config::{Config, ConfigError};
+use crate::config::{Config, ConfigError, MethodChoice};
 use crate::load::{LoadError, load};
 use crate::progress::{Progress, fitting};
+use crate::track::Track;
 
 /// A model, and what a person should know about how it came to be.
 #[derive(Debug)]
 pub struct Trained {
     /// The model.
     pub model: Model,
+    /// The same frames by principal components, where both methods were asked for: then the model is Isomap's.
+    pub pca: Option<PcaModels>,
+    /// When and where the frames were taken, trip by trip.
+    pub tracks: Vec<Track>,
     /// Sentences about the trips and the choices: cut off, invalid frames, islands, evidence that does not agree.
     pub remarks: Vec<String>,
+}
+
+/// What principal components make of the frames that an Isomap model was learnt from.
+#[derive(Debug)]
+pub struct PcaModels {
+    /// With as many dimensions and kinds as were asked for, or as the evidence speaks for.
+    pub own: Model,
+    /// With as many as the Isomap model has, for a fair comparison. None where the frames have not as many principal
+    /// components: a remark says so.
+    pub matched: Option<Model>,
 }
 
 /// Why no model could be trained.
@@ -42,6 +57,9 @@ pub enum TrainError {
     /// The mathematics.
     #[error("cannot train: {0}")]
     Fit(FitError),
+    /// The mathematics of the second method.
+    #[error("cannot train by principal components beside Isomap: {0}; ask for one method")]
+    FitPca(FitError),
 }
 
 /// Trains a model on the frames of one or more trips of one sensor.
@@ -53,6 +71,7 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
     let selection = config.selection();
     let mut remarks = Vec::new();
     let (mut counts, mut sensor, mut origin) = (Vec::new(), None, Origin::default());
+    let mut tracks = Vec::new();
     for path in trips {
         let mut trip = load(path, &selection, progress)?;
         let expected = *sensor.get_or_insert(trip.layout);
@@ -64,6 +83,7 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
         origin.trips.push(name.to_string_lossy().into_owned());
         origin.n_frames.push(trip.n_frames());
         origin.n_frames_invalid += trip.n_frames_invalid;
+        tracks.push(Track::of(&trip));
         // The first trip's memory is kept: copying 20,000 camera frames would double it.
         if counts.is_empty() { counts = trip.counts } else { counts.append(&mut trip.counts) }
     }
@@ -75,7 +95,32 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
     let model = fit(counts, &plan, origin, &mut fitting(progress)).map_err(TrainError::Fit)?;
     remarks.extend(remark_on_islands(&model));
     remarks.extend(remark_on_kinds(&model.manifest().provenance.kinds_tried));
-    Ok(Trained { model, remarks })
+    let pca = match config.method {
+        Some(MethodChoice::Both) => Some(PcaModels::beside(&model, &mut remarks, progress)?),
+        _ => None,
+    };
+    Ok(Trained { model, pca, tracks, remarks })
+}
+
+impl PcaModels {
+    fn beside(
+        isomap: &Model,
+        remarks: &mut Vec<String>,
+        progress: &mut Progress,
+    ) -> Result<Self, TrainError> {
+        let mut fitted = |size| refit(isomap, Method::Pca, size, &mut fitting(progress));
+        let own = fitted(Size::Own).map_err(TrainError::FitPca)?;
+        remarks.extend(remark_on_kinds(&own.manifest().provenance.kinds_tried).map(of_pca));
+        let matched = fitted(Size::Matched);
+        if let Err(error) = &matched {
+            remarks.push(of_pca(format!("none are of Isomap's size: {error}")));
+        }
+        Ok(Self { own, matched: matched.ok() })
+    }
+}
+
+fn of_pca(remark: String) -> String {
+    format!("principal components: {remark}")
 }
 
 fn remark_on_islands(model: &Model) -> Option<String> {
@@ -154,6 +199,12 @@ mod tests {
             "the evidence for the number of kinds does not agree: BIC_neff is least at 2, which the model has, and blocks \
              that were held out are likeliest at 3"
         );
+    }
+
+    #[test]
+    fn what_is_told_of_the_second_method_has_its_name() {
+        let remark = remark(&[7.0, 8.0], &[-1.0, -2.0]).map(of_pca).unwrap();
+        assert!(remark.starts_with("principal components: the evidence is for a single kind, "), "{remark}");
     }
 
     #[test]

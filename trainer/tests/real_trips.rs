@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
-use kinds_model::{Method, Scale};
-use kinds_trainer::{Config, Evaluation, EvaluationPlan, Meeting, Rivals, evaluate, load, train};
+use kinds_model::Scale;
+use kinds_trainer::{
+    Config, Evaluation, EvaluationPlan, Meeting, MethodChoice, Rivals, evaluate, load, train,
+};
 use kinds_trips::Selection;
 
 /// The trips of a sensor, or nothing and a note.
@@ -42,7 +44,7 @@ fn kappas(trips: &[PathBuf; 2], response: Scale) -> [f64; 2] {
         .map(|seed| {
             let config = Config {
                 response: Some(response),
-                method: Some(Method::Isomap),
+                method: Some(MethodChoice::Isomap),
                 dims: Some(8),
                 kinds: Some(8),
                 seed: Some(seed),

@@ -7,6 +7,7 @@
 use nalgebra::DMatrix;
 
 use super::Points;
+use super::covariance::Constraint;
 use crate::mixture::{LANES, Lanes, Mixture};
 
 /// A kind that is this much less likely for a frame than the likeliest, nats, has no part in it: e⁻⁷⁰ is 4e-31. To the sum
@@ -49,12 +50,12 @@ pub(super) fn maximise(
     points: Points,
     n_kinds: usize,
     responsibilities: &[f64],
-    floor: f64,
+    constraint: Constraint,
 ) -> Option<Mixture> {
     let n_dims = points.n_dims;
     let mut weights = Vec::with_capacity(n_kinds);
     let mut means = Vec::with_capacity(n_kinds * n_dims);
-    let mut covariances = Vec::with_capacity(n_kinds * n_dims * n_dims);
+    let mut scatters = Vec::with_capacity(n_kinds);
     for of_kind in responsibilities.chunks_exact(points.n()) {
         let share: f64 = of_kind.iter().sum();
         if share < 1.0 {
@@ -63,10 +64,12 @@ pub(super) fn maximise(
         let (mean, scatter) = scatter(points, of_kind, share);
         weights.push(share / points.n() as f64);
         means.extend_from_slice(&mean);
-        covariances.extend_from_slice(raise_to_floor(scatter, floor).as_slice());
+        scatters.push(scatter);
     }
     let sum: f64 = weights.iter().sum();
     weights.iter_mut().for_each(|weight| *weight /= sum);
+    let covariances = constraint.likeliest(&weights, scatters);
+    let covariances = covariances.iter().flat_map(|covariance| covariance.as_slice()).copied().collect();
     Mixture::new(n_dims, weights, means, covariances).ok()
 }
 
@@ -128,21 +131,12 @@ fn load(points: Points, first: usize, n_here: usize, places: &mut [Lanes]) {
     }
 }
 
-/// The scatter with eigenvalues below the floor raised to it.
-fn raise_to_floor(scatter: DMatrix<f64>, floor: f64) -> DMatrix<f64> {
-    let eigen = scatter.clone().symmetric_eigen();
-    if eigen.eigenvalues.iter().all(|value| *value >= floor) {
-        return scatter;
-    }
-    let raised = DMatrix::from_diagonal(&eigen.eigenvalues.map(|value| value.max(floor)));
-    let raised = &eigen.eigenvectors * raised * eigen.eigenvectors.transpose();
-    // The product is symmetric but for rounding.
-    (&raised + raised.transpose()) * 0.5
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::em::Covariance;
+
+    const FULL: Constraint = Constraint { covariance: Covariance::Full, floor: 0.5 };
 
     /// Eleven frames, one block and a part, in three dimensions.
     fn places() -> Vec<f64> {
@@ -155,7 +149,7 @@ mod tests {
         let points = Points { n_dims: 3, coordinates: &coordinates };
         let halves: Vec<f64> =
             (0..22).map(|index| f64::from(u8::from((index < 11) == (index % 2 == 0)))).collect();
-        let mixture = maximise(points, 2, &halves, 0.5).unwrap();
+        let mixture = maximise(points, 2, &halves, FULL).unwrap();
         let mut responsibilities = vec![0.0; 22];
         let log_likelihood = expect(points, &mixture, &mut responsibilities);
         let mut posterior = [0.0; 2];

@@ -11,7 +11,6 @@ use std::time::Instant;
 
 use clap::ValueEnum;
 use kinds_model::{Method, Model, Size, refit};
-use kinds_trainer::report::{Page, ReportFile};
 use kinds_trainer::{Config, EvaluationPlan, Meeting, Rivals, Stage, Trained, load};
 use kinds_trips::Selection;
 
@@ -23,7 +22,7 @@ use crate::commands::{evaluate, train};
 use crate::failure::Failure;
 use crate::progress::StepBar;
 use crate::say::say;
-use crate::{model_file, stop, whole_file};
+use crate::{model_file, report_folder, stop, whole_file};
 
 /// How long the second trip is to be looked at.
 const SHOW_S: f64 = 12.0;
@@ -78,7 +77,7 @@ pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
     }
 
     let page = report::page([&rivals.isomap, &pca], &remarks, &home, elsewhere.as_ref());
-    let report = write_report(folder, &page)?;
+    let report = report_folder::write(&folder.join("report"), &page)?;
     steps.begin(&format!("report: open {}", report.display()))?;
     say(format!(
         "   in {} are also the trips, both models, a line for each report in kinds.csv, and the evaluations as JSON",
@@ -133,7 +132,7 @@ fn journey(robot: RobotName) -> &'static str {
 /// Learns the kinds of a trip. Returns the model, and sentences on how it came about.
 fn learn(trip: &Path, model_path: &Path) -> Result<(Model, Vec<String>), Failure> {
     model_file::check_writable(model_path)?;
-    let Trained { model, remarks } = train::train(&[trip.to_path_buf()], &Config::default())?;
+    let Trained { model, remarks, .. } = train::train(&[trip.to_path_buf()], &Config::default())?;
     model_file::write(model_path, &model)?;
     say(format!("   {}", train::summary(&model)))?;
     let remarks: Vec<String> = train::choices(&model).into_iter().chain(remarks).collect();
@@ -195,16 +194,6 @@ fn say_evaluation(visited: &Visited, folder: &Path, name: &str) -> Result<(), Fa
     }
     let json = serde_json::to_vec_pretty(&visited.evaluation).expect("an evaluation is plain data");
     write_file(folder, name, &json).map(drop)
-}
-
-/// Writes the page, and its figures with their numbers, into a folder of their own. Returns the page's path.
-fn write_report(folder: &Path, page: &Page) -> Result<PathBuf, Failure> {
-    let folder = folder.join("report");
-    make_folder(&folder)?;
-    for ReportFile { name, contents } in page.files() {
-        write_file(&folder, &name, contents.as_bytes())?;
-    }
-    Ok(folder.join("report.html"))
 }
 
 fn write_file(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf, Failure> {

@@ -2,10 +2,9 @@
 
 use kinds_model::Model;
 use kinds_trainer::report::{
-    Column, Page, Table, TripKinds, add_evaluation, add_model, add_trips, consistency_table, kinds_on_path,
+    Page, TripKinds, add_evaluation, add_methods, add_model, add_trips, consistency_table, kinds_on_path,
 };
-use kinds_trainer::{Evaluation, LoadedTrip, Runs};
-use kinds_trips::Pose;
+use kinds_trainer::{Evaluation, LoadedTrip, Runs, Track};
 
 use crate::commands::evaluate;
 
@@ -18,6 +17,11 @@ pub(crate) struct Visited {
 }
 
 impl Visited {
+    /// The frames of both trips whose place is known, which are those that are evaluated.
+    fn tracks(&self) -> [Track; 2] {
+        self.trips.each_ref().map(Track::placed)
+    }
+
     /// How long one kind lasts on the second trip, for a person.
     pub(crate) fn runs(&self) -> String {
         let Runs { mean_length, mean_length_shuffled } = Runs::of(&self.evaluation.isomap_kinds[1]);
@@ -41,59 +45,21 @@ pub(crate) fn page(
     let [isomap, pca] = own;
     let n_kinds = isomap.mixture().n_kinds();
     let mut page = Page::new(&format!("Natural kinds: {}", home.place));
-    let placed = home.trips.each_ref().map(Placed::of);
-    add_trips(&mut page, n_kinds, &[placed[0].kinds(home, 0), placed[1].kinds(home, 1)]);
+    add_trips(&mut page, n_kinds, &with_kinds(&home.tracks(), home));
     add_evaluation(&mut page, &home.evaluation);
     if let Some(visited) = elsewhere {
         let title = format!("The same kinds elsewhere: {}", visited.place);
         page.section(&title);
-        let placed = visited.trips.each_ref().map(Placed::of);
-        let trips = [placed[0].kinds(visited, 0), placed[1].kinds(visited, 1)];
-        page.figure(kinds_on_path("path-elsewhere", &title, n_kinds, &trips));
+        let tracks = visited.tracks();
+        page.figure(kinds_on_path("path-elsewhere", &title, n_kinds, &with_kinds(&tracks, visited)));
         page.paragraph(&format!("{}; {}.", evaluate::headline(&visited.evaluation), visited.runs()));
         page.table(&consistency_table(&visited.evaluation));
     }
-    page.section("What the frames ask for");
-    page.table(&table_1(own));
+    add_methods(&mut page, &[("Isomap", isomap), ("PCA", pca)]);
     add_model(&mut page, isomap, Some(pca), remarks);
     page
 }
 
-/// The frames of a trip whose place is known, which are those that are evaluated.
-struct Placed {
-    title: String,
-    seconds: Vec<f64>,
-    poses: Vec<Option<Pose>>,
-}
-
-impl Placed {
-    fn of(trip: &LoadedTrip) -> Self {
-        let title = trip.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let start_ns = trip.captured.first().map_or(0, |captured| captured.0);
-        let known = trip.captured.iter().zip(&trip.poses).filter(|(_, pose)| pose.is_some());
-        let (seconds, poses) =
-            known.map(|(captured, &pose)| ((captured.0 - start_ns) as f64 / 1e9, pose)).unzip();
-        Self { title, seconds, poses }
-    }
-
-    fn kinds<'a>(&'a self, visited: &'a Visited, trip: usize) -> TripKinds<'a> {
-        let kinds = &visited.evaluation.isomap_kinds[trip];
-        TripKinds { title: &self.title, seconds: &self.seconds, poses: &self.poses, kinds }
-    }
-}
-
-/// The paper's Table 1.
-fn table_1(own: [&Model; 2]) -> Table {
-    let mut table = Table::new(vec![
-        Column::text("method"),
-        Column::number("readings"),
-        Column::number("dimensions"),
-        Column::number("kinds"),
-    ]);
-    for (name, model) in ["Isomap", "PCA"].into_iter().zip(own) {
-        let numbers = [model.layout().n_readings(), model.embedding().n_dims(), model.mixture().n_kinds()];
-        table
-            .row(std::iter::once(name.to_string()).chain(numbers.map(|number| number.to_string())).collect());
-    }
-    table
+fn with_kinds<'a>(tracks: &'a [Track; 2], visited: &'a Visited) -> [TripKinds<'a>; 2] {
+    [0, 1].map(|trip| tracks[trip].with_kinds(&visited.evaluation.isomap_kinds[trip]))
 }

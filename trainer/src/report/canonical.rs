@@ -170,7 +170,7 @@ impl Sums {
 }
 
 /// Responsibilities of the reference frames, shape `(n_frames, n_kinds)`, and their most probable kinds.
-fn responsibilities(model: &Model) -> (Vec<f64>, Vec<usize>) {
+pub(super) fn responsibilities(model: &Model) -> (Vec<f64>, Vec<usize>) {
     let mixture = model.mixture();
     let n_kinds = mixture.n_kinds();
     let places = model.coordinates().chunks_exact(mixture.n_dims());

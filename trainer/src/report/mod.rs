@@ -4,7 +4,7 @@
 //! SVG whose colours follow the page from light to dark, and comes with the numbers drawn. Functions of this module make
 //! the figures: of a model ([`residual_variance`], [`spectrum`], [`kinds_tried`], [`embedding`], [`canonical_views`]), of
 //! trips whose frames have been classified ([`kinds_on_path`], [`kinds_along_time`]) and of an evaluation
-//! ([`consistency`]). [`add_model`], [`add_trips`] and [`add_evaluation`] put them on a page with their tables and words:
+//! ([`consistency`]). [`add_model`], [`add_methods`], [`add_trips`] and [`add_evaluation`] put them on a page with their tables and words:
 //!
 //! ```no_run
 //! # fn report(model: &kinds_model::Model, trips: &[kinds_trainer::report::TripKinds], evaluation: &kinds_trainer::Evaluation) {
@@ -34,6 +34,7 @@ mod figure;
 mod kind_style;
 mod kinds_tried;
 mod markup;
+mod methods;
 mod page;
 mod path;
 mod rays;
@@ -48,10 +49,11 @@ pub use curves::{residual_variance, spectrum};
 pub use embedding::embedding;
 pub use figure::Figure;
 pub use kinds_tried::kinds_tried;
+pub use methods::{add_methods, kinds_agreement, method_table};
 pub use page::{Column, Page, ReportFile, Table};
 pub use path::kinds_on_path;
 pub use scores::{consistency, consistency_table};
-pub use sections::{add_evaluation, add_model, add_trips};
+pub use sections::{add_evaluation, add_learnt_trips, add_model, add_trips};
 pub use time::kinds_along_time;
 pub use trip_kinds::TripKinds;
 pub use views::canonical_views;

@@ -1,7 +1,8 @@
 //! What `train` and `evaluate` have to show, put on a page in the order in which a person asks.
 
-use kinds_model::{FitPlan, Method, Model, Provenance, Scale};
+use kinds_model::{Covariance, FitPlan, Method, Model, Provenance, Scale};
 
+use super::canonical::responsibilities;
 use super::page::Page;
 use super::trip_kinds::TripKinds;
 use super::{
@@ -9,6 +10,7 @@ use super::{
     residual_variance, spectrum,
 };
 use crate::evaluate::Evaluation;
+use crate::track::Track;
 
 /// Adds what a model is, how its dimensions and kinds were chosen, and what the kinds look like.
 ///
@@ -54,6 +56,27 @@ pub fn add_trips(page: &mut Page, n_kinds: usize, trips: &[TripKinds]) {
     page.figure(kinds_along_time("time", "Kinds along time", n_kinds, trips));
 }
 
+/// Adds where and when the robot saw which kind on the trips that a model was learnt from.
+///
+/// * `tracks` — of the reference frames, in their order
+///
+/// # Panics
+/// If the tracks have more or fewer frames than the model: a bug of the caller.
+pub fn add_learnt_trips(page: &mut Page, model: &Model, tracks: &[Track]) {
+    let (_, kinds) = responsibilities(model);
+    let mut left = &kinds[..];
+    let trips: Vec<TripKinds> = tracks
+        .iter()
+        .map(|track| {
+            let (of_trip, of_others) = left.split_at(track.n_frames());
+            left = of_others;
+            track.with_kinds(of_trip)
+        })
+        .collect();
+    assert!(left.is_empty(), "every reference frame is of one of the trips");
+    add_trips(page, model.mixture().n_kinds(), &trips);
+}
+
 /// Adds whether a place seen again gets the same kind.
 pub fn add_evaluation(page: &mut Page, evaluation: &Evaluation) {
     page.section("Consistency");
@@ -75,7 +98,7 @@ fn method_name(method: Method) -> &'static str {
 }
 
 fn facts(model: &Model) -> Vec<(&'static str, String)> {
-    let FitPlan { sensor, response, method, n_neighbors, n_landmarks, seed, .. } = &model.manifest().plan;
+    let FitPlan { sensor, response, method, n_neighbors, n_landmarks, em, seed, .. } = &model.manifest().plan;
     let n_dims = model.embedding().n_dims();
     let Provenance { made_by, origin, .. } = &model.manifest().provenance;
     let scale = match response.scale {
@@ -98,9 +121,18 @@ fn facts(model: &Model) -> Vec<(&'static str, String)> {
         ("sensor", sensor.to_string()),
         ("compared on", format!("{scale}, up to {:.2} m", response.range_m_max)),
         ("method", format!("{}: {how}", method_name(*method))),
-        ("kinds", model.mixture().n_kinds().to_string()),
+        ("kinds", format!("{}, {}", model.mixture().n_kinds(), shape_in_words(em.covariance))),
         ("made by", format!("{made_by}, seed {seed}")),
     ]
+}
+
+fn shape_in_words(covariance: Covariance) -> &'static str {
+    match covariance {
+        Covariance::Full => "each any ellipsoid (full covariances)",
+        Covariance::Tied => "all one ellipsoid (tied covariances)",
+        Covariance::Diagonal => "each an ellipsoid along the dimensions (diagonal covariances)",
+        Covariance::Spherical => "each a ball (spherical covariances)",
+    }
 }
 
 /// What makes a model less sure than it looks.

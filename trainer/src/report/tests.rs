@@ -15,6 +15,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 use super::kind_style::KindStyle;
 use super::*;
 use crate::evaluate::{Evaluation, MethodScores, Methods};
+use crate::track::Track;
 
 /// A model of a robot that goes from place to place, over and over: 120 frames in one, 80 and 40 in others.
 fn model(sensor: SensorLayout, scale: Scale, n_dims: usize, n_kinds: usize) -> Model {
@@ -295,10 +296,70 @@ fn the_page_of_a_training_and_its_evaluation_has_every_section_and_figure_once()
         ("sensor", "16 readings (2 × 8) of 0.001 m a count".to_string()),
         ("compared on", "1 / (range + 0.3 m), up to 4.00 m".to_string()),
         ("method", "Isomap: 8 neighbours, 60 landmarks, 3 dimensions".to_string()),
-        ("kinds", "3".to_string()),
+        ("kinds", "3, each any ellipsoid (full covariances)".to_string()),
         ("made by", format!("{}, seed 1", model.manifest().provenance.made_by)),
     ];
     assert_eq!(facts, expected.map(|(name, value)| (name.to_string(), value)));
+}
+
+#[test]
+fn the_kinds_of_the_reference_frames_are_dealt_to_the_trips_that_they_came_from() {
+    let model = ring();
+    let track = |title: &str, n_frames: usize| Track {
+        title: title.to_string(),
+        seconds: (0..n_frames).map(|index| index as f64).collect(),
+        poses: vec![at(1.0, 2.0); n_frames],
+    };
+    let mut page = Page::new("Kinds");
+    add_learnt_trips(&mut page, &model, &[track("one", 100), track("two", 140)]);
+    let files = page.files();
+    let csv = &files.iter().find(|file| file.name == "time.csv").unwrap().contents;
+    let mut probabilities = [0.0; 3];
+    let mut places = model.coordinates().chunks_exact(3);
+    let titles =
+        [("one", 100), ("two", 140)].into_iter().flat_map(|(title, n)| (0..n).map(move |n| (title, n)));
+    for (line, (title, frame)) in lines(csv).into_iter().zip(titles) {
+        model.mixture().posterior(places.next().unwrap(), &mut probabilities);
+        let kind = most_probable(&probabilities).to_string();
+        assert_eq!(line, [title, &frame.to_string(), &frame.to_string(), &kind]);
+    }
+    assert!(places.next().is_none());
+}
+
+#[test]
+fn methods_stand_side_by_side_with_their_sizes_and_how_alike_their_kinds_are() {
+    let ring = ring();
+    let one = model(ring.layout(), Scale::Inverse, 2, 1);
+    let mut page = Page::new("Kinds");
+    add_methods(&mut page, &[("Isomap", &ring), ("itself", &ring), ("one kind", &one)]);
+    let html = page.to_html();
+    let document = parse(&html);
+    let rows: Vec<Vec<String>> = document
+        .descendants()
+        .filter(|node| node.has_tag_name("tr"))
+        .map(|row| {
+            row.children().filter_map(|cell| cell.text()).map(|text| text.replace('\u{a0}', " ")).collect()
+        })
+        .collect();
+    let left = |model: &Model, n_dims: usize| {
+        format!("{:.4}", model.manifest().provenance.residual_variance[n_dims - 1])
+    };
+    let titles = [
+        "method",
+        "readings",
+        "dimensions",
+        "kinds",
+        "residual variance",
+        "largest kind",
+        "a kind lasts",
+        "AMI",
+    ];
+    assert_eq!(rows[0], titles);
+    // Half of the frames are of the first place, which is left every 60 frames; places last 60, 40 and 20.
+    let lasts = "40.0 frames";
+    assert_eq!(rows[1], ["Isomap", "16", "3", "3", &left(&ring, 3), "50.0 %", lasts, "–"]);
+    assert_eq!(rows[2], ["itself", "16", "3", "3", &left(&ring, 3), "50.0 %", lasts, "1.00"]);
+    assert_eq!(rows[3], ["one kind", "16", "2", "1", &left(&one, 2), "100.0 %", "240.0 frames", "0.00"]);
 }
 
 #[test]

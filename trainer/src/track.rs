@@ -1,0 +1,79 @@
+//! When and where the frames of a trip were taken: what its figures need once the frames themselves are learnt.
+
+use kinds_trips::Pose;
+
+use crate::load::LoadedTrip;
+use crate::report::TripKinds;
+
+/// When and where a robot took the frames of a trip.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Track {
+    /// What to call the trip: its file's name, without folder and extension.
+    pub title: String,
+    /// When the sensor took each frame, seconds from the trip's first, shape `(n_frames,)`.
+    pub seconds: Vec<f64>,
+    /// Where the robot was then, if that is known, shape `(n_frames,)`.
+    pub poses: Vec<Option<Pose>>,
+}
+
+impl Track {
+    /// Of all frames that have a valid reading.
+    pub fn of(trip: &LoadedTrip) -> Self {
+        Self::of_those(trip, |_| true)
+    }
+
+    /// Of the frames whose place is known: those that [`evaluate`](crate::evaluate()) classifies.
+    pub fn placed(trip: &LoadedTrip) -> Self {
+        Self::of_those(trip, |pose| pose.is_some())
+    }
+
+    fn of_those(trip: &LoadedTrip, is_taken: fn(&Option<Pose>) -> bool) -> Self {
+        let title = trip.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let start_ns = trip.captured.first().map_or(0, |captured| captured.0);
+        let taken = trip.captured.iter().zip(&trip.poses).filter(|(_, pose)| is_taken(pose));
+        let (seconds, poses) =
+            taken.map(|(captured, &pose)| ((captured.0 - start_ns) as f64 / 1e9, pose)).unzip();
+        Self { title, seconds, poses }
+    }
+
+    /// Number of frames.
+    pub fn n_frames(&self) -> usize {
+        self.poses.len()
+    }
+
+    /// The trip with the most probable kind of each frame.
+    ///
+    /// * `kinds` — shape `(n_frames,)`
+    pub fn with_kinds<'a>(&'a self, kinds: &'a [usize]) -> TripKinds<'a> {
+        TripKinds { title: &self.title, seconds: &self.seconds, poses: &self.poses, kinds }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use kinds_model::SensorLayout;
+    use kinds_trips::Stamp;
+
+    use super::*;
+
+    #[test]
+    fn time_runs_from_the_trips_first_frame_though_nobody_knew_where_that_was() {
+        let place = Some(Pose { x_m: 1.0, y_m: 2.0, yaw_rad: 0.5 });
+        let trip = LoadedTrip {
+            path: "trips/fourth-floor-1.mcap".into(),
+            layout: SensorLayout { rows: 1, columns: 1, metres_per_count: 0.001 },
+            counts: vec![7, 8, 9],
+            captured: [1_000_000_000, 1_250_000_000, 1_500_000_000].map(Stamp).to_vec(),
+            poses: vec![None, place, place],
+            n_frames_invalid: 0,
+            truncation: None,
+        };
+        let title = "fourth-floor-1".to_string();
+        let all = Track { title: title.clone(), seconds: vec![0.0, 0.25, 0.5], poses: trip.poses.clone() };
+        assert_eq!(Track::of(&trip), all);
+        assert_eq!(
+            Track::placed(&trip),
+            Track { title, seconds: vec![0.25, 0.5], poses: vec![place, place] }
+        );
+    }
+}
