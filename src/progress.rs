@@ -9,7 +9,7 @@ use kinds_trainer::Stage;
 /// A step that ends sooner is not worth a bar.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Shows one step after the other. Shows nothing when standard error is not a terminal.
+/// Shows one step after the other, until it goes out of scope. Shows nothing when standard error is not a terminal.
 pub(crate) struct StepBar {
     name: String,
     started: Instant,
@@ -51,9 +51,16 @@ impl StepBar {
     }
 
     /// Takes the bar off the terminal.
-    pub(crate) fn clear(&mut self) {
+    fn clear(&mut self) {
         if let Some(bar) = self.bar.take() {
             bar.finish_and_clear();
         }
+    }
+}
+
+/// Also where the work fails.
+impl Drop for StepBar {
+    fn drop(&mut self) {
+        self.clear();
     }
 }

@@ -61,9 +61,11 @@ impl Domain {
     ///
     /// For domains that end for good, such as a test's.
     pub fn remove_remains(&self) -> std::io::Result<()> {
-        if self.is_inhabited()? {
-            return Ok(());
-        }
+        if self.is_inhabited()? { Ok(()) } else { self.clear_shared_memory() }
+    }
+
+    /// Removes every file of the domain from shared memory, whoever may use it.
+    fn clear_shared_memory(&self) -> std::io::Result<()> {
         let is_remains = |entry: &DirEntry| entry.file_name().to_string_lossy().starts_with(&self.prefix);
         for entry in std::fs::read_dir(SHARED_MEMORY)?.flatten().filter(is_remains) {
             std::fs::remove_file(entry.path())?;
@@ -79,7 +81,7 @@ impl Domain {
         if self.is_inhabited()? {
             return Ok(false);
         }
-        self.remove_remains()?;
+        self.clear_shared_memory()?;
         match std::fs::remove_dir_all(&self.root) {
             Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
             _ => Ok(true),

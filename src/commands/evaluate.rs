@@ -31,7 +31,7 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
 }
 
 /// Evaluates with a progress bar.
-pub(crate) fn evaluate(
+fn evaluate(
     model: Model,
     trips: [&Path; 2],
     selection: &Selection,
@@ -49,9 +49,7 @@ pub(crate) fn evaluate(
     let meeting = Meeting::find(model.layout(), &first, &second, plan)?;
     let mut show = |stage: Stage, done, all| bar.show(stage, done, all);
     let rivals = Rivals::of(model, &mut show)?;
-    let evaluation = kinds_trainer::evaluate(&rivals, &meeting, &mut show);
-    bar.clear();
-    Ok(evaluation)
+    Ok(kinds_trainer::evaluate(&rivals, &meeting, &mut show))
 }
 
 /// What was measured, for a person.

@@ -43,13 +43,18 @@ fn simulated(
         )));
     };
     match (name, arguments.world) {
-        (RobotName::Crunch, world) => {
-            Ok(Box::new(Crunch::new(world.unwrap_or(Floor::Fourth), trip, arguments.seed)))
-        }
-        (RobotName::Chew, None) => Ok(Box::new(Chew::new(trip, arguments.seed))),
         (RobotName::Chew, Some(_)) => {
             Err(Failure::AskedWrongly("chew drives on its campus alone; leave out --world".to_string()))
         }
+        (_, world) => Ok(robot(name, world.unwrap_or(Floor::Fourth), trip, arguments.seed)),
+    }
+}
+
+/// A simulated robot at the start of a trip. Chew has no floor to drive on.
+pub(crate) fn robot(name: RobotName, floor: Floor, trip: u32, seed: u64) -> Box<dyn Robot> {
+    match name {
+        RobotName::Crunch => Box::new(Crunch::new(floor, trip, seed)),
+        RobotName::Chew => Box::new(Chew::new(trip, seed)),
     }
 }
 

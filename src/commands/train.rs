@@ -103,9 +103,7 @@ fn kinds_word(n_kinds: usize) -> &'static str {
 /// Trains with a progress bar.
 pub(crate) fn train(trips: &[PathBuf], config: &Config) -> Result<Trained, Failure> {
     let mut bar = StepBar::new();
-    let trained = kinds_trainer::train(trips, config, &mut |stage, done, all| bar.show(stage, done, all));
-    bar.clear();
-    Ok(trained?)
+    Ok(kinds_trainer::train(trips, config, &mut |stage, done, all| bar.show(stage, done, all))?)
 }
 
 fn read_config(path: &Path) -> Result<Config, Failure> {

@@ -192,9 +192,6 @@ impl<'a> Meeting<'a> {
     fn score(&self, n_dims: usize, n_kinds: usize, kinds: &[Vec<usize>; 2]) -> MethodScores {
         let [first, second] = kinds;
         let measured = self.revisits.consistency(first, second, self.plan.share).expect("the trips meet");
-        let mut n_frames_of = vec![0_usize; n_kinds];
-        kinds.iter().flatten().for_each(|&kind| n_frames_of[kind] += 1);
-        let largest = n_frames_of.iter().max().copied().unwrap_or(0);
         let pairs: Vec<_> = self.revisits.pairs(first, second).collect();
         MethodScores {
             n_dims,
@@ -203,7 +200,7 @@ impl<'a> Meeting<'a> {
             chance: measured.chance,
             kappa: kappa(measured),
             ami: adjusted_mutual_information(&pairs),
-            largest_kind_share: largest as f64 / (first.len() + second.len()) as f64,
+            largest_kind_share: largest_kind_share(kinds.iter().flatten().copied(), n_kinds),
         }
     }
 }
@@ -269,6 +266,15 @@ pub fn evaluate(rivals: &Rivals, meeting: &Meeting, progress: &mut Progress) -> 
     }
 }
 
+/// Share of the most frequent kind among frames; 0 without frames.
+pub(crate) fn largest_kind_share(kinds: impl Iterator<Item = usize>, n_kinds: usize) -> f64 {
+    let mut n_frames_of = vec![0_usize; n_kinds];
+    kinds.for_each(|kind| n_frames_of[kind] += 1);
+    let n_frames: usize = n_frames_of.iter().sum();
+    let largest = n_frames_of.into_iter().max().unwrap_or(0);
+    largest as f64 / n_frames.max(1) as f64
+}
+
 fn check(plan: &EvaluationPlan) -> Result<(), EvaluateError> {
     let EvaluationPlan { radius_m, share, .. } = *plan;
     if !(radius_m.is_finite() && radius_m > 0.0) {
@@ -296,5 +302,15 @@ impl<'a> Placed<'a> {
             true => Err(EvaluateError::NoPoses { path: trip.path.clone() }),
             false => Ok(Self { places: Places { poses }, frames }),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_kind_is_counted_and_a_kind_without_frames_does_no_harm() {
+        assert_eq!(largest_kind_share([0, 2, 2, 2].into_iter(), 4), 0.75);
     }
 }

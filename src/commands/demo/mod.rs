@@ -148,7 +148,6 @@ fn refit_with_own_size(model: &Model) -> Result<Model, Failure> {
     let refitted = refit(model, Method::Pca, Size::Own, &mut |step, done, all| {
         bar.show(Stage::Fitting(step), done as u64, all as u64);
     });
-    bar.clear();
     refitted.map_err(|error| {
         Failure::CouldNot(format!("cannot fit principal components for comparison: {error}"))
     })
@@ -166,9 +165,7 @@ fn say_table_1(own: [&Model; 2]) -> Result<(), Failure> {
 
 fn rivals(model: Model) -> Result<Rivals, Failure> {
     let mut bar = StepBar::new();
-    let rivals = Rivals::of(model, &mut |stage: Stage, done, all| bar.show(stage, done, all));
-    bar.clear();
-    Ok(rivals?)
+    Ok(Rivals::of(model, &mut |stage: Stage, done, all| bar.show(stage, done, all))?)
 }
 
 fn visit(
@@ -183,7 +180,6 @@ fn visit(
     let trips = [load(first, selection, &mut show)?, load(second, selection, &mut show)?];
     let meeting = Meeting::find(rivals.isomap.layout(), &trips[0], &trips[1], &PLAN)?;
     let evaluation = kinds_trainer::evaluate(rivals, &meeting, &mut show);
-    bar.clear();
     Ok(Visited { place: place.to_string(), trips, evaluation })
 }
 

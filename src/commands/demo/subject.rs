@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot};
+use kinds_driver_shim::simulated::{Floor, Robot};
 use kinds_driver_shim::{ShimError, Source};
 use kinds_messages::SensorName;
 use kinds_trainer::EvaluateError;
 use kinds_trips::{Selection, TripReader};
 
 use crate::cli::RobotName;
+use crate::commands::publish;
 use crate::failure::Failure;
 use crate::trip_file::{TRUE_POSES, TripFile};
 
@@ -81,7 +82,9 @@ impl Subject {
         });
         std::thread::scope(|scope| {
             let threads: Vec<_> = legs
-                .map(|(floor, trip, path)| scope.spawn(move || drive(simulated(robot, floor, trip), path)))
+                .map(|(floor, trip, path)| {
+                    scope.spawn(move || drive(publish::robot(robot, floor, trip, SEED), path))
+                })
                 .collect();
             let mut all = Driven::default();
             for thread in threads {
@@ -92,13 +95,6 @@ impl Subject {
             }
             Ok(all)
         })
-    }
-}
-
-fn simulated(robot: RobotName, floor: Floor, trip: u32) -> Box<dyn Robot> {
-    match robot {
-        RobotName::Crunch => Box::new(Crunch::new(floor, trip, SEED)),
-        RobotName::Chew => Box::new(Chew::new(trip, SEED)),
     }
 }
 

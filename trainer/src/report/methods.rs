@@ -5,6 +5,7 @@ use kinds_model::Model;
 use super::canonical::responsibilities;
 use super::page::{Column, Page, Table};
 use crate::agreement::adjusted_mutual_information;
+use crate::evaluate::largest_kind_share;
 use crate::runs::Runs;
 
 /// Adds models of the same frames side by side.
@@ -42,7 +43,7 @@ pub fn method_table(models: &[(&str, &Model)]) -> Table {
             n_dims.to_string(),
             n_kinds.to_string(),
             residual_variance.map_or("–".to_string(), |variance| format!("{variance:.4}")),
-            format!("{:.1}\u{a0}%", 100.0 * largest_share(of_frames, n_kinds)),
+            format!("{:.1}\u{a0}%", 100.0 * largest_kind_share(of_frames.iter().copied(), n_kinds)),
             format!("{:.1} frames", Runs::of(of_frames).mean_length),
             if row == 0 { "–".to_string() } else { format!("{:.2}", agreement(&kinds[0], of_frames)) },
         ]);
@@ -64,20 +65,9 @@ fn agreement(a: &[usize], b: &[usize]) -> f64 {
     adjusted_mutual_information(&a.iter().copied().zip(b.iter().copied()).collect::<Vec<_>>())
 }
 
-fn largest_share(kinds: &[usize], n_kinds: usize) -> f64 {
-    let mut n_frames_of = vec![0_usize; n_kinds];
-    kinds.iter().for_each(|&kind| n_frames_of[kind] += 1);
-    n_frames_of.iter().max().map_or(0.0, |&n_frames| n_frames as f64 / kinds.len() as f64)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_largest_kind_is_counted_and_a_kind_without_frames_does_no_harm() {
-        assert_eq!(largest_share(&[0, 2, 2, 2], 4), 0.75);
-    }
 
     #[test]
     fn other_names_for_the_same_kinds_agree_wholly() {
