@@ -8,8 +8,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use kinds_driver_shim::Pace;
 use kinds_driver_shim::simulated::Floor;
 use kinds_messages::{Domain, SensorName};
-use kinds_model::{Covariance, Scale};
-use kinds_trainer::{Config, MethodChoice};
+use kinds_model::{Covariance, LandmarkChoice, Scale};
+use kinds_trainer::{Config, LandmarkNumber, MethodChoice};
 use kinds_trips::Selection;
 
 use crate::owner::Joined;
@@ -122,12 +122,16 @@ pub(crate) struct TrainArguments {
     /// are PCA's, of its own and of Isomap's size [default: isomap]
     #[arg(long, value_enum)]
     method: Option<MethodName>,
-    /// Neighbours of each frame in the graph [default: 10]
+    /// Neighbours of each frame in the graph [default: chosen by evidence up to 30; `kinds inspect` shows it]
     #[arg(long, value_name = "N")]
     neighbors: Option<usize>,
-    /// Landmarks that geodesics are measured from [default: 1000, or all frames if there are fewer]
-    #[arg(long, value_name = "N")]
-    landmarks: Option<usize>,
+    /// Landmarks that geodesics are measured from: all, a count, or a share of the frames such as 25% [default: 1000, or all
+    /// frames if there are fewer]
+    #[arg(long, value_name = "all|N|SHARE%")]
+    landmarks: Option<LandmarkNumber>,
+    /// How landmarks are chosen [default: random]
+    #[arg(long, value_enum, value_name = "HOW")]
+    landmark_choice: Option<LandmarkChoiceName>,
     /// Dimensions to embed in, 1 to 32 [default: chosen by residual variance: two more than where it bends]
     #[arg(long, value_name = "N")]
     dims: Option<usize>,
@@ -329,6 +333,16 @@ enum CovarianceName {
     Spherical,
 }
 
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum LandmarkChoiceName {
+    /// Any frames, each as likely
+    Random,
+    /// The frame farthest from those chosen before, again and again: covers all that the trip saw, oddities first
+    Farthest,
+    /// The frames nearest to the centres of k-means: spread as the trip is
+    KMeans,
+}
+
 impl TrainArguments {
     /// The flags as a configuration.
     pub(crate) fn config(&self) -> Config {
@@ -348,6 +362,11 @@ impl TrainArguments {
             }),
             neighbors: self.neighbors,
             landmarks: self.landmarks,
+            landmark_choice: self.landmark_choice.map(|name| match name {
+                LandmarkChoiceName::Random => LandmarkChoice::Random,
+                LandmarkChoiceName::Farthest => LandmarkChoice::Farthest,
+                LandmarkChoiceName::KMeans => LandmarkChoice::KMeans,
+            }),
             dims: self.dims,
             kinds: self.kinds,
             covariance: self.covariance.map(|name| match name {

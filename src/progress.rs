@@ -28,6 +28,7 @@ impl StepBar {
                 format!("reading {}", path.file_name().unwrap_or(path.as_os_str()).to_string_lossy())
             }
             Stage::Fitting(Step::Neighbors) => "nearest neighbours".to_string(),
+            Stage::Fitting(Step::Neighborhood) => "number of neighbours".to_string(),
             Stage::Fitting(Step::Geodesics) => "geodesics".to_string(),
             Stage::Fitting(Step::Embedding) => "embedding".to_string(),
             Stage::Fitting(Step::Kinds) => "kinds".to_string(),

@@ -61,7 +61,7 @@ impl Classifier {
         let is_euclidean = model.geodesics().is_none();
         Self {
             mapped: vec![0; plan.sensor.n_readings()],
-            nearest: vec![none; plan.n_neighbors],
+            nearest: vec![none; model.manifest().n_neighbors],
             squared_distances: vec![0; if is_euclidean { model.frames().n_frames() } else { 0 }],
             squared_to_nearest: 0,
             lengths: vec![0.0; plan.n_landmarks],

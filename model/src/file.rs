@@ -234,10 +234,10 @@ impl File<'_> {
     }
 
     fn assemble(&self, manifest: Manifest, text: &str) -> Result<Model, ModelFileError> {
-        let Manifest { ref plan, n_frames, n_dims, n_kinds, .. } = manifest;
+        let Manifest { ref plan, n_frames, n_neighbors, n_dims, n_kinds, .. } = manifest;
         let n_landmarks = plan.n_landmarks;
         let n_readings = plan.sensor.n_readings();
-        if [n_frames, n_landmarks, n_dims, n_kinds, n_readings, plan.n_neighbors].contains(&0) {
+        if [n_frames, n_landmarks, n_dims, n_kinds, n_readings, n_neighbors].contains(&0) {
             return Err(ModelFileError::Contents {
                 what: "manifest announces none of something that it needs",
             });
@@ -291,7 +291,7 @@ impl File<'_> {
 
 /// What the digest cannot vouch for in a file that somebody else's program wrote.
 fn check_contents(model: &Model) -> Result<(), ModelFileError> {
-    let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = &model.manifest;
+    let Manifest { plan, n_frames, n_neighbors, n_dims, n_kinds, provenance, .. } = &model.manifest;
     let trips = &provenance.origin.n_frames;
     let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
     let units_m = plan.sensor.metres_per_count;
@@ -300,7 +300,7 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
             *n_kinds <= N_KINDS_MAX && *n_dims <= N_DIMS_MAX,
             "kinds or dimensions are more than a report holds",
         ),
-        (plan.n_neighbors < *n_frames, "neighbours are more than its reference frames"),
+        (n_neighbors < n_frames, "neighbours are more than its reference frames"),
         (
             trips.is_empty()
                 || trips.iter().try_fold(0, |sum: usize, n| sum.checked_add(*n)) == Some(*n_frames),
@@ -339,7 +339,7 @@ mod tests {
     use crate::fit::fit;
     use crate::frames::SensorLayout;
     use crate::model::Origin;
-    use crate::plan::FitPlan;
+    use crate::plan::{FitPlan, LandmarkChoice};
     use crate::response::{ResponsePlan, Scale};
 
     /// Thirty frames of two trips.
@@ -348,8 +348,9 @@ mod tests {
             sensor: SensorLayout { rows: 1, columns: 3, metres_per_count: 0.001 },
             response: ResponsePlan::new(Scale::Range, 4.0),
             method: Method::Pca,
-            n_neighbors: 4,
+            n_neighbors: Some(4),
             n_landmarks: 30,
+            landmark_choice: LandmarkChoice::Random,
             n_dims: Some(2),
             n_kinds: Some(2),
             em: EmPlan::new(0),
@@ -376,7 +377,7 @@ mod tests {
             "the model's trips have more or fewer frames than it has; train anew"
         );
         assert_eq!(
-            refuse(|manifest| manifest.plan.n_neighbors = 30),
+            refuse(|manifest| manifest.n_neighbors = 30),
             "the model's neighbours are more than its reference frames; train anew"
         );
         assert_eq!(
@@ -384,7 +385,7 @@ mod tests {
             "the model's sensor has no unit; train anew"
         );
         assert_eq!(
-            refuse(|manifest| manifest.plan.n_neighbors = 0),
+            refuse(|manifest| manifest.n_neighbors = 0),
             "the model's manifest announces none of something that it needs; train anew"
         );
     }

@@ -7,25 +7,29 @@ use crate::evidence::{N_FITS, best_by_bic_neff, try_kinds};
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::graph::Graph;
+use crate::intrinsic_dims::{IntrinsicDims, N_NEIGHBORS_USED};
 use crate::landmarks;
 use crate::mds::{Embedding, MdsError};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
-use crate::neighbors::{Neighbor, nearest_of_each, squared_distance};
+use crate::neighborhood::{N_NEIGHBORS_TRIED_MAX, chosen, try_neighbors};
+use crate::neighbors::{NeighborLists, nearest_of_each, squared_distance};
 use crate::plan::{FitPlan, Method};
-use crate::residual_variance::{elbow, residual_variance};
+use crate::residual_variance::{
+    N_DIMS_BEYOND_ELBOW, N_DIMS_REPORTED, elbow, fewest_within_tolerance, residual_variance,
+};
 use crate::response::{Response, ResponseError};
 
-/// Dimensions that residual variance is computed for.
-const N_DIMS_REPORTED: usize = 30;
-
-/// Dimensions kept beyond the elbow of the residual variance. What lies there is little, but not all of it is noise.
-const N_DIMS_BEYOND_ELBOW: usize = 2;
+/// Neighbours that a new frame is compared with where there is no graph: its distance to the nearest is judged by that of
+/// reference frames to so many.
+const N_NEIGHBORS_WITHOUT_GRAPH: usize = 10;
 
 /// A part of the work, for whoever shows progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// Nearest neighbours of every frame.
     Neighbors,
+    /// Graphs of more and more neighbours, for their number.
+    Neighborhood,
     /// Geodesics from every landmark.
     Geodesics,
     /// Eigenvalues of the landmarks' products, coordinates of all frames.
@@ -39,7 +43,7 @@ pub enum Step {
 /// One thread at a time, but not always the same one.
 pub type Progress<'a> = dyn FnMut(Step, usize, usize) + Send + 'a;
 
-/// How many dimensions and kinds a model is refitted with.
+/// How many neighbours, dimensions and kinds a model is refitted with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
     /// As many as the model has: for a fair comparison.
@@ -115,12 +119,12 @@ pub fn fit(
 /// # Errors
 /// As [`fit`].
 pub fn refit(model: &Model, method: Method, size: Size, progress: &mut Progress) -> Result<Model, FitError> {
-    let Manifest { plan, n_dims, n_kinds, provenance, .. } = model.manifest();
-    let (n_dims, n_kinds) = match size {
-        Size::Matched => (Some(*n_dims), Some(*n_kinds)),
-        Size::Own => (plan.n_dims, plan.n_kinds),
+    let Manifest { plan, n_neighbors, n_dims, n_kinds, provenance, .. } = model.manifest();
+    let (n_neighbors, n_dims, n_kinds) = match size {
+        Size::Matched => (Some(*n_neighbors), Some(*n_dims), Some(*n_kinds)),
+        Size::Own => (plan.n_neighbors, plan.n_dims, plan.n_kinds),
     };
-    let plan = FitPlan { method, n_dims, n_kinds, ..plan.clone() };
+    let plan = FitPlan { method, n_neighbors, n_dims, n_kinds, ..plan.clone() };
     let origin = provenance.origin.clone();
     fit_frames(model.frames().clone(), model.response().clone(), &plan, origin, progress)
 }
@@ -134,19 +138,27 @@ fn fit_frames(
 ) -> Result<Model, FitError> {
     let n_frames = frames.n_frames();
     check_counts(plan, n_frames)?;
-    let k = plan.n_neighbors;
-    let lists = nearest_of_each(&frames, k, &mut |done| progress(Step::Neighbors, done, n_frames));
-    let landmarks = landmarks::choose(n_frames, plan.n_landmarks, plan.seed);
+    // As many as anything asks for: those beyond ns cost next to nothing.
+    let n_listed = plan.n_neighbors.unwrap_or(N_NEIGHBORS_TRIED_MAX).max(N_NEIGHBORS_USED).min(n_frames - 1);
+    let lists = nearest_of_each(&frames, n_listed, &mut |done| progress(Step::Neighbors, done, n_frames));
+    let landmarks = landmarks::choose(&frames, plan.n_landmarks, plan.landmark_choice, plan.seed);
     let mut provenance = Provenance {
         made_by: format!("natural-kinds {}", env!("CARGO_PKG_VERSION")),
         origin,
+        intrinsic_dims: IntrinsicDims::estimate(&lists),
         ..Default::default()
     };
+    let n_neighbors = find_neighbors(&frames, &lists, &landmarks, plan, &mut provenance, progress);
 
     let metric = match plan.method {
-        Method::Isomap => {
-            Metric::Geodesic(measure_geodesics(&frames, &lists, k, &landmarks, &mut provenance, progress))
-        }
+        Method::Isomap => Metric::Geodesic(measure_geodesics(
+            &frames,
+            &lists,
+            n_neighbors,
+            &landmarks,
+            &mut provenance,
+            progress,
+        )),
         Method::Pca => Metric::Euclidean,
     };
     progress(Step::Embedding, 0, 1);
@@ -155,11 +167,12 @@ fn fit_frames(
     let em = find_kinds(&coordinates, embedding.n_dims(), plan, &mut provenance, progress)?;
 
     let mut squared_radii: Vec<u64> =
-        lists.chunks_exact(k).map(|list| list[k - 1].squared_distance).collect();
+        lists.nearest(n_neighbors).map(|list| list[n_neighbors - 1].squared_distance).collect();
     squared_radii.sort_unstable();
     let plan = FitPlan { n_landmarks: landmarks.len(), ..plan.clone() };
     let (n_dims, n_kinds) = (embedding.n_dims(), em.mixture.n_kinds());
-    let manifest = Manifest { format: crate::file::FORMAT, plan, n_frames, n_dims, n_kinds, provenance };
+    let format = crate::file::FORMAT;
+    let manifest = Manifest { format, plan, n_frames, n_neighbors, n_dims, n_kinds, provenance };
     let mut model = Model {
         id: ModelId([0; 16]),
         manifest,
@@ -185,11 +198,12 @@ fn check_counts(plan: &FitPlan, n_frames: usize) -> Result<(), FitError> {
     let n_kinds = plan.n_kinds.unwrap_or(1);
     within("kinds", n_kinds, N_KINDS_MAX)?;
     within("dimensions", plan.n_dims.unwrap_or(1), N_DIMS_MAX)?;
-    within("neighbours", plan.n_neighbors, usize::MAX)?;
+    let n_neighbors = plan.n_neighbors.unwrap_or(1);
+    within("neighbours", n_neighbors, usize::MAX)?;
     within("landmarks", plan.n_landmarks, usize::MAX)?;
     within("starts of the mixture", plan.em.n_starts, usize::MAX)?;
-    if n_frames <= plan.n_neighbors {
-        return Err(FitError::TooFewFrames { n_frames, n_neighbors: plan.n_neighbors });
+    if n_frames <= n_neighbors {
+        return Err(FitError::TooFewFrames { n_frames, n_neighbors });
     }
     if n_frames < n_kinds {
         return Err(EmError::TooFewFrames { n_frames, n_kinds }.into());
@@ -222,15 +236,35 @@ impl Metric {
     }
 }
 
+/// The number of neighbours that the plan asks for or the evidence speaks for.
+fn find_neighbors(
+    frames: &Frames,
+    lists: &NeighborLists,
+    landmarks: &[u32],
+    plan: &FitPlan,
+    provenance: &mut Provenance,
+    progress: &mut Progress,
+) -> usize {
+    match (plan.n_neighbors, plan.method) {
+        (Some(n_neighbors), _) => n_neighbors,
+        (None, Method::Pca) => N_NEIGHBORS_WITHOUT_GRAPH.min(lists.k()),
+        (None, Method::Isomap) => {
+            let mut done = |n_done, n_tried| progress(Step::Neighborhood, n_done, n_tried);
+            provenance.neighbors_tried = try_neighbors(frames, lists, landmarks, plan.n_dims, &mut done);
+            chosen(&provenance.neighbors_tried).expect("one number is tried at least").n_neighbors
+        }
+    }
+}
+
 fn measure_geodesics(
     frames: &Frames,
-    lists: &[Neighbor],
-    k: usize,
+    lists: &NeighborLists,
+    n_neighbors: usize,
     landmarks: &[u32],
     provenance: &mut Provenance,
     progress: &mut Progress,
 ) -> Geodesics {
-    let mut graph = Graph::union(lists, k);
+    let mut graph = Graph::union(lists, n_neighbors);
     provenance.islands = graph.islands().iter().map(Vec::len).collect();
     let between = |a: u32, b: u32| squared_distance(frames.row(a as usize), frames.row(b as usize));
     provenance.bridges =
@@ -277,6 +311,7 @@ fn embed(
 
     let curve = &provenance.residual_variance;
     provenance.elbow = elbow(&curve[..curve.len().min(N_DIMS_REPORTED)]);
+    provenance.n_dims_within_tolerance = fewest_within_tolerance(curve);
     let n_dims = plan.n_dims.unwrap_or((provenance.elbow + N_DIMS_BEYOND_ELBOW).min(embedding.n_dims()));
     let kept: Vec<f64> =
         coordinates.chunks_exact(embedding.n_dims()).flat_map(|place| &place[..n_dims]).copied().collect();

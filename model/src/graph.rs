@@ -4,7 +4,7 @@
 //! minimum spanning set: C islands get the C − 1 edges that join them at least total length, and the caller is told of
 //! each, since geodesics across a bridge are a guess.
 
-use crate::neighbors::{Neighbor, length};
+use crate::neighbors::{NeighborLists, length};
 
 /// An undirected edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,16 +47,14 @@ impl Graph {
         Self { offsets, links: directed.into_iter().map(|(_, to, length)| (to, length)).collect() }
     }
 
-    /// The union of the neighbour lists: an edge wherever one frame is among the other's neighbours.
-    ///
-    /// * `lists` — `k` neighbours of each frame, shape `(n_frames, k)`
+    /// The union of the neighbour lists: an edge wherever one frame is among the other's `n_neighbors` nearest.
     ///
     /// The union, not the directed lists: only then is the shortest path from a to b that from b to a.
-    pub fn union(lists: &[Neighbor], k: usize) -> Self {
-        let edges = lists.chunks_exact(k).enumerate().flat_map(|(row, list)| {
+    pub fn union(lists: &NeighborLists, n_neighbors: usize) -> Self {
+        let edges = lists.nearest(n_neighbors).enumerate().flat_map(|(row, list)| {
             list.iter().map(move |near| Edge { a: row as u32, b: near.frame_index, length: near.distance() })
         });
-        Self::new(lists.len() / k, edges)
+        Self::new(lists.n_frames(), edges)
     }
 
     /// N.
@@ -111,20 +109,30 @@ impl Graph {
             return Vec::new();
         }
         let mut crossings = Vec::new();
-        for (first, island) in islands.iter().enumerate() {
-            for (second, other) in islands.iter().enumerate().skip(first + 1) {
+        for (index, island) in islands.iter().enumerate() {
+            for other in &islands[index + 1..] {
                 let shortest = pairs(island, other).map(|(a, b)| (squared_distance(a, b), a, b)).min();
-                crossings.extend(shortest.map(|shortest| (shortest, first, second)));
+                crossings.extend(shortest);
             }
         }
         crossings.sort_unstable();
-        let mut group: Vec<usize> = (0..islands.len()).collect();
+        self.join_by(crossings.into_iter().map(|(squared, a, b)| Edge { a, b, length: length(squared) }))
+    }
+
+    /// Adds those of the given edges that join islands not joined by an edge before (Kruskal 1956), and returns them.
+    ///
+    /// * `edges` — shortest first
+    pub fn join_by(&mut self, edges: impl IntoIterator<Item = Edge>) -> Vec<Edge> {
+        let mut island_of = vec![0; self.n_frames()];
+        for (index, island) in self.islands().iter().enumerate() {
+            island.iter().for_each(|&frame_index| island_of[frame_index as usize] = index);
+        }
         let mut bridges = Vec::new();
-        for ((squared, a, b), first, second) in crossings {
-            let (keep, join) = (group[first], group[second]);
+        for edge in edges {
+            let (keep, join) = (island_of[edge.a as usize], island_of[edge.b as usize]);
             if keep != join {
-                group.iter_mut().filter(|group| **group == join).for_each(|group| *group = keep);
-                bridges.push(Edge { a, b, length: length(squared) });
+                island_of.iter_mut().filter(|island| **island == join).for_each(|island| *island = keep);
+                bridges.push(edge);
             }
         }
         *self = Self::new(self.n_frames(), self.edges().chain(bridges.iter().copied()).collect::<Vec<_>>());

@@ -45,10 +45,12 @@ pub mod fit;
 pub mod frames;
 pub mod geodesics;
 pub mod graph;
+pub mod intrinsic_dims;
 pub mod landmarks;
 pub mod mds;
 pub mod mixture;
 mod model;
+pub mod neighborhood;
 pub mod neighbors;
 pub mod plan;
 pub mod residual_variance;
@@ -60,6 +62,9 @@ pub use em::{Covariance, EmPlan};
 pub use file::ModelFileError;
 pub use fit::{FitError, Size, Step, fit, refit};
 pub use frames::{Frames, SensorLayout};
-pub use model::{KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
-pub use plan::{FitPlan, Method};
+pub use intrinsic_dims::IntrinsicDims;
+pub use model::{
+    KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, NeighborsTrial, Origin, Provenance,
+};
+pub use plan::{FitPlan, LandmarkChoice, Method};
 pub use response::{Response, ResponsePlan, Scale};

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::array::Array;
 use crate::frames::{Frames, SensorLayout};
 use crate::geodesics::Geodesics;
+use crate::intrinsic_dims::IntrinsicDims;
 use crate::mds::Embedding;
 use crate::mixture::Mixture;
 use crate::plan::FitPlan;
@@ -28,6 +29,8 @@ pub struct Manifest {
     pub plan: FitPlan,
     /// N.
     pub n_frames: usize,
+    /// ns.
+    pub n_neighbors: usize,
     /// d.
     pub n_dims: usize,
     /// J.
@@ -44,6 +47,10 @@ pub struct Provenance {
     pub made_by: String,
     /// The frames.
     pub origin: Origin,
+    /// What speaks for each number of neighbours, by rising number; empty where it was given, or there is no graph.
+    pub neighbors_tried: Vec<NeighborsTrial>,
+    /// Dimensions that the frames fill, near each frame: of the sensor's manifold and its noise, not of the embedding.
+    pub intrinsic_dims: IntrinsicDims,
     /// Frames on each island of the neighbour graph before they were joined, largest first.
     pub islands: Vec<usize>,
     /// The bridges that joined them: frame, frame, length in counts on the response's scale.
@@ -52,6 +59,8 @@ pub struct Provenance {
     pub residual_variance: Vec<f64>,
     /// Where that curve bends: dimensions. The model has two more, unless it was told how many to have.
     pub elbow: usize,
+    /// Fewest dimensions that leave at most a hundredth more than the least of that curve.
+    pub n_dims_within_tolerance: usize,
     /// The largest eigenvalues, counts².
     pub eigenvalues: Vec<f64>,
     /// Share of negative eigenvalues in the sum of all magnitudes.
@@ -70,6 +79,24 @@ pub struct Provenance {
     pub n_frames_effective: f64,
     /// What speaks for each number of kinds, 1, 2, …; empty where the number was given.
     pub kinds_tried: Vec<KindsTrial>,
+}
+
+/// A number of neighbours that was tried, and what speaks for it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NeighborsTrial {
+    /// ns.
+    pub n_neighbors: usize,
+    /// Islands of the graph before they were joined.
+    pub n_islands: usize,
+    /// Lengths of the bridges that joined them, counts on the response's scale, shortest first.
+    pub bridges: Vec<f32>,
+    /// Dimensions that residual variance was compared at, the same for all numbers.
+    pub n_dims: usize,
+    /// Residual variance there; lower is better.
+    pub residual_variance: f64,
+    /// Median geodesic, counts on the response's scale. Falls suddenly at a short circuit.
+    pub median_geodesic: f64,
 }
 
 /// A number of kinds that was tried, and what speaks for it.

@@ -63,16 +63,43 @@ pub fn nearest(frames: &Frames, query: &[u16], nearest: &mut [Neighbor]) {
     keep_nearest(candidates, nearest);
 }
 
-/// The `k` nearest other frames of every frame, nearest first, shape `(n_frames, k)`.
+/// The nearest other frames of every frame, nearest first, as many for each.
+#[derive(Clone, Debug)]
+pub struct NeighborLists {
+    k: usize,
+    /// Shape `(n_frames, k)`.
+    neighbors: Vec<Neighbor>,
+}
+
+impl NeighborLists {
+    /// Neighbours listed of each frame.
+    pub fn k(&self) -> usize {
+        self.k
+    }
+
+    /// N.
+    pub fn n_frames(&self) -> usize {
+        self.neighbors.len() / self.k
+    }
+
+    /// The `n_neighbors` nearest of each frame in turn: a list of fewer is the beginning of one of more.
+    ///
+    /// * `n_neighbors` — at most [`Self::k`]
+    pub fn nearest(&self, n_neighbors: usize) -> impl Iterator<Item = &[Neighbor]> {
+        self.neighbors.chunks_exact(self.k).map(move |list| &list[..n_neighbors])
+    }
+}
+
+/// The `k` nearest other frames of every frame.
 ///
-/// * `k` — at most `n_frames` − 1
+/// * `k` — at least 1, at most `n_frames` − 1
 /// * `done` — told the number of frames finished, now and then
 ///
 /// O(n_frames² · n_readings).
-pub fn nearest_of_each(frames: &Frames, k: usize, done: &mut dyn FnMut(usize)) -> Vec<Neighbor> {
+pub fn nearest_of_each(frames: &Frames, k: usize, done: &mut dyn FnMut(usize)) -> NeighborLists {
     let n_frames = frames.n_frames();
-    assert!(k < n_frames, "{k} neighbours among {n_frames} frames");
-    let mut lists = vec![neighbor(0, 0); n_frames * k];
+    assert!((1..n_frames).contains(&k), "{k} neighbours among {n_frames} frames");
+    let mut neighbors = vec![neighbor(0, 0); n_frames * k];
     // Rows are compared in tiles that stay in cache together: read plainly, 2000 frames of 19840 readings would come
     // from memory 2000 times.
     const TILE_BYTES: usize = 1 << 19;
@@ -90,11 +117,11 @@ pub fn nearest_of_each(frames: &Frames, k: usize, done: &mut dyn FnMut(usize)) -
             let distances = &squared[(row - first) * n_frames..][..n_frames];
             let others =
                 (0..n_frames).filter(|&other| other != row).map(|other| neighbor(other, distances[other]));
-            keep_nearest(others, &mut lists[row * k..][..k]);
+            keep_nearest(others, &mut neighbors[row * k..][..k]);
         }
         done(rows.end);
     }
-    lists
+    NeighborLists { k, neighbors }
 }
 
 fn neighbor(frame_index: usize, squared_distance: u64) -> Neighbor {
@@ -165,7 +192,7 @@ mod tests {
 
         #[test]
         fn nearest_of_each_equals_a_full_sort_without_the_frame_itself((frames, _, k) in few_frames()) {
-            let lists = nearest_of_each(&frames, k, &mut |_| ());
+            let lists: Vec<_> = nearest_of_each(&frames, k, &mut |_| ()).nearest(k).flatten().copied().collect();
             for row in 0..frames.n_frames() {
                 let mut expected = by_sorting(&frames, frames.row(row));
                 expected.retain(|neighbor| neighbor.frame_index as usize != row);

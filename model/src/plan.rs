@@ -17,6 +17,22 @@ pub enum Method {
     Pca,
 }
 
+/// Which reference frames are landmarks, where not all of them are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum LandmarkChoice {
+    /// Any, each as likely.
+    #[default]
+    #[serde(alias = "random")]
+    Random,
+    /// The one farthest from those chosen before, again and again (MaxMin: de Silva & Tenenbaum 2004). Covers all that the
+    /// trip saw with few landmarks, frames unlike all others first.
+    #[serde(alias = "farthest")]
+    Farthest,
+    /// The frames nearest to the centres of k-means: as many where the robot was for long, but evenly spread.
+    #[serde(alias = "k_means")]
+    KMeans,
+}
+
 /// What to fit: what was asked for. What came of it, a model's manifest says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -27,10 +43,12 @@ pub struct FitPlan {
     pub response: ResponsePlan,
     /// Geodesic or Euclidean.
     pub method: Method,
-    /// ns.
-    pub n_neighbors: usize,
+    /// ns. None: by evidence, the fewest that leave few frames beyond bridges and nearly the least residual variance.
+    pub n_neighbors: Option<usize>,
     /// n; all frames if there are no more.
     pub n_landmarks: usize,
+    /// How these are chosen.
+    pub landmark_choice: LandmarkChoice,
     /// d. None: by evidence, two more than where the residual variance bends.
     pub n_dims: Option<usize>,
     /// J. None: by evidence, the number with the least BIC_neff.

@@ -1,4 +1,15 @@
-//! Residual variance: how much of the geodesics an embedding of d dimensions leaves unexplained.
+//! Residual variance: how much of the geodesics an embedding of d dimensions leaves unexplained, and how many dimensions
+//! that speaks for.
+
+/// Dimensions that residual variance is computed for.
+pub const N_DIMS_REPORTED: usize = 30;
+
+/// Dimensions kept beyond the elbow of the residual variance. What lies there is little, but not all of it is noise.
+pub const N_DIMS_BEYOND_ELBOW: usize = 2;
+
+/// How near the least residual variance is near enough: a hundredth of the geodesics' variance, about what the bends of a
+/// graph of a thousand frames hide anyway.
+pub const TOLERANCE: f64 = 0.01;
 
 /// Computes `1 − R²` between geodesics and embedded distances, for every number of dimensions up to `n_dims`.
 ///
@@ -16,21 +27,16 @@ pub fn residual_variance(
     landmarks: &[u32],
     geodesic: impl Fn(usize, usize) -> f64,
 ) -> Vec<f64> {
-    let mut moments = vec![Moments::default(); n_dims];
+    let mut moments = Moments::new(n_dims);
     for (frame_index, frame) in coordinates.chunks_exact(n_dims).enumerate() {
         for (lane, &landmark) in
             landmarks.iter().enumerate().filter(|(_, landmark)| **landmark as usize != frame_index)
         {
             let other = &coordinates[landmark as usize * n_dims..][..n_dims];
-            let length = geodesic(frame_index, lane);
-            let mut squared = 0.0;
-            for ((a, b), moments) in frame.iter().zip(other).zip(&mut moments) {
-                squared += (a - b) * (a - b);
-                moments.add(length, squared.sqrt());
-            }
+            moments.add(geodesic(frame_index, lane), frame, other);
         }
     }
-    moments.iter().map(|moments| 1.0 - moments.r_squared()).collect()
+    moments.residual_variance()
 }
 
 /// Where the curve of residual variances bends, in dimensions: more of them explain little more.
@@ -53,31 +59,62 @@ pub fn elbow(residual_variances: &[f64]) -> usize {
     1 + (1..=last).fold(0, |best, index| if below(index) > below(best) { index } else { best })
 }
 
-/// Running means and co-moments of pairs (Welford's update: no cancellation over millions of pairs).
-#[derive(Clone, Default)]
+/// The fewest dimensions whose residual variance is within [`TOLERANCE`] of the least: a second opinion beside the elbow,
+/// which asks only for the curve's shape and not for what is left.
+///
+/// * `residual_variances` — of 1, 2, … dimensions, at least one
+pub fn fewest_within_tolerance(residual_variances: &[f64]) -> usize {
+    let least = residual_variances.iter().copied().fold(f64::INFINITY, f64::min);
+    1 + residual_variances.iter().take_while(|share| **share > least + TOLERANCE).count()
+}
+
+/// Running means and co-moments of geodesics x and embedded distances y (Welford's update: no cancellation over millions
+/// of pairs). Dimension by dimension in arrays, so that the compiler takes several at once.
 struct Moments {
     n: f64,
-    mean: (f64, f64),
+    mean_x: f64,
     xx: f64,
-    yy: f64,
-    xy: f64,
+    /// Of this pair, in 1, 2, … dimensions.
+    y: Vec<f64>,
+    mean_y: Vec<f64>,
+    yy: Vec<f64>,
+    xy: Vec<f64>,
 }
 
 impl Moments {
-    fn add(&mut self, x: f64, y: f64) {
-        self.n += 1.0;
-        let (dx, dy) = (x - self.mean.0, y - self.mean.1);
-        self.mean.0 += dx / self.n;
-        self.mean.1 += dy / self.n;
-        self.xx += dx * (x - self.mean.0);
-        self.yy += dy * (y - self.mean.1);
-        self.xy += dx * (y - self.mean.1);
+    fn new(n_dims: usize) -> Self {
+        let zeros = || vec![0.0; n_dims];
+        Self { n: 0.0, mean_x: 0.0, xx: 0.0, y: zeros(), mean_y: zeros(), yy: zeros(), xy: zeros() }
     }
 
-    /// 0 where one side does not vary: nothing is explained.
-    fn r_squared(&self) -> f64 {
-        let product = self.xx * self.yy;
-        if product > 0.0 { (self.xy * self.xy / product).min(1.0) } else { 0.0 }
+    fn add(&mut self, x: f64, frame: &[f64], other: &[f64]) {
+        self.n += 1.0;
+        let share = 1.0 / self.n;
+        let dx = x - self.mean_x;
+        self.mean_x += dx * share;
+        self.xx += dx * (x - self.mean_x);
+        let mut squared = 0.0;
+        for ((a, b), y) in frame.iter().zip(other).zip(&mut self.y) {
+            squared += (a - b) * (a - b);
+            *y = squared;
+        }
+        let moments = self.mean_y.iter_mut().zip(&mut self.yy).zip(&mut self.xy);
+        for (squared, ((mean, yy), xy)) in self.y.iter().zip(moments) {
+            let y = squared.sqrt();
+            let dy = y - *mean;
+            *mean += dy * share;
+            *yy += dy * (y - *mean);
+            *xy += dx * (y - *mean);
+        }
+    }
+
+    fn residual_variance(&self) -> Vec<f64> {
+        // Nothing is explained where one side does not vary.
+        let r_squared = |(yy, xy): (&f64, &f64)| {
+            let product = self.xx * yy;
+            if product > 0.0 { (xy * xy / product).min(1.0) } else { 0.0 }
+        };
+        self.yy.iter().zip(&self.xy).map(|moments| 1.0 - r_squared(moments)).collect()
     }
 }
 
@@ -95,6 +132,13 @@ mod tests {
         assert_eq!(elbow(&[0.3, 0.3, 0.3]), 1);
         // The end may rise a little, as with geodesics that fit into no Euclidean space.
         assert_eq!(elbow(&[0.5, 0.1, 0.01, 0.02, 0.03]), 2);
+    }
+
+    #[test]
+    fn the_fewest_dimensions_within_the_tolerance_leave_at_most_a_hundredth_more_than_the_best() {
+        assert_eq!(fewest_within_tolerance(&[0.8, 0.4, 0.058, 0.052, 0.05, 0.055]), 3);
+        assert_eq!(fewest_within_tolerance(&[0.8, 0.4, 0.061, 0.052, 0.05, 0.055]), 4);
+        assert_eq!(fewest_within_tolerance(&[0.3]), 1);
     }
 
     #[test]

@@ -3,7 +3,8 @@
 use kinds_model::autocorrelation::n_frames_effective;
 use kinds_model::evidence::{N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out, try_kinds};
 use kinds_model::{
-    EmPlan, FitPlan, KindsTrial, Method, Model, Origin, ResponsePlan, Scale, SensorLayout, file, fit,
+    EmPlan, FitPlan, KindsTrial, LandmarkChoice, Method, Model, Origin, ResponsePlan, Scale, SensorLayout,
+    file, fit,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -47,8 +48,9 @@ fn as_they_are(n_readings: usize) -> FitPlan {
         sensor: SensorLayout { rows: 1, columns: n_readings as u32, metres_per_count: 1.0 },
         response: ResponsePlan::new(Scale::Range, 65_535.0),
         method: Method::Isomap,
-        n_neighbors: 10,
+        n_neighbors: Some(10),
         n_landmarks: 500,
+        landmark_choice: LandmarkChoice::Random,
         n_dims: None,
         n_kinds: None,
         em: EmPlan::new(1),

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use kinds_model::{
-    Classifier, Covariance, EmPlan, FitError, FitPlan, Frames, Method, Model, ModelFileError, Origin,
-    ResponsePlan, Scale, SensorLayout, Size, Status, file, fit, neighbors, refit,
+    Classifier, Covariance, EmPlan, FitError, FitPlan, Frames, LandmarkChoice, Method, Model, ModelFileError,
+    Origin, ResponsePlan, Scale, SensorLayout, Size, Status, file, fit, neighbors, refit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -36,8 +36,9 @@ fn plan(method: Method) -> FitPlan {
         sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
         response: ResponsePlan::new(Scale::Inverse, 4.0),
         method,
-        n_neighbors: 6,
+        n_neighbors: Some(6),
         n_landmarks: 40,
+        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(3),
         n_kinds: Some(3),
         em: EmPlan::new(1),
@@ -93,13 +94,14 @@ fn refitting_by_the_same_method_gives_the_same_model() {
 }
 
 #[test]
-fn refitting_at_matched_size_keeps_dimensions_and_kinds_and_at_its_own_asks_what_the_plan_asked() {
-    let by_evidence = |method| FitPlan { n_dims: None, n_kinds: None, ..plan(method) };
+fn refitting_at_matched_size_keeps_neighbours_dimensions_and_kinds_and_at_its_own_asks_what_the_plan_asked() {
+    let by_evidence = |method| FitPlan { n_neighbors: None, n_dims: None, n_kinds: None, ..plan(method) };
     let fitted = |plan| fit(trip(150, 3), &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
     let isomap = fitted(by_evidence(Method::Isomap));
     let size = |model: &Model| (model.embedding().n_dims(), model.mixture().n_kinds());
     let matched = refit(&isomap, Method::Pca, Size::Matched, &mut |_, _, _| ()).unwrap();
     assert_eq!(size(&matched), size(&isomap));
+    assert_eq!(matched.manifest().n_neighbors, isomap.manifest().n_neighbors);
     assert!(matched.manifest().provenance.kinds_tried.is_empty());
     let own = |model: &Model| refit(model, Method::Pca, Size::Own, &mut |_, _, _| ()).unwrap();
     assert_eq!(own(&isomap).id(), fitted(by_evidence(Method::Pca)).id());

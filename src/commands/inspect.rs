@@ -2,11 +2,12 @@
 
 use std::io::Write;
 
-use kinds_model::{KindsTrial, Manifest, Model};
+use kinds_model::neighborhood::short_circuits;
+use kinds_model::{KindsTrial, LandmarkChoice, Manifest, Model, NeighborsTrial};
 use serde::Serialize;
 
 use crate::cli::InspectArguments;
-use crate::commands::train::{method_name, scale_name};
+use crate::commands::train::{intrinsic, method_name, scale_name};
 use crate::failure::Failure;
 use crate::model_file;
 
@@ -33,7 +34,7 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<(), Failure> {
 }
 
 fn describe(model: &Model) -> String {
-    let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = model.manifest();
+    let Manifest { plan, n_frames, n_neighbors, n_dims, n_kinds, provenance, .. } = model.manifest();
     let response = &plan.response;
     let mut lines = vec![
         ("model", model.id().to_string()),
@@ -60,10 +61,15 @@ fn describe(model: &Model) -> String {
         (
             "method",
             format!(
-                "{}: {} neighbours, {} landmarks",
+                "{}: {n_neighbors} neighbours, {} landmarks{}",
                 method_name(plan.method),
-                plan.n_neighbors,
-                plan.n_landmarks
+                plan.n_landmarks,
+                match plan.landmark_choice {
+                    _ if plan.n_landmarks == *n_frames => "",
+                    LandmarkChoice::Random => " at random",
+                    LandmarkChoice::Farthest => " by farthest point",
+                    LandmarkChoice::KMeans => " by k-means",
+                },
             ),
         ),
     ];
@@ -80,12 +86,14 @@ fn describe(model: &Model) -> String {
         (
             "dimensions",
             format!(
-                "{n_dims}, {}: elbow at {}; residual variance of 1, 2, …: {}",
+                "{n_dims}, {}: elbow at {}, within the tolerance from {}; residual variance of 1, 2, …: {}",
                 asked_or_evidence(plan.n_dims),
                 provenance.elbow,
+                provenance.n_dims_within_tolerance,
                 residual.join(" ")
             ),
         ),
+        ("intrinsic", intrinsic(&provenance.intrinsic_dims)),
         ("negative", format!("{:.1} % of the eigenvalues' magnitude", 100.0 * provenance.negative_share)),
         (
             "kinds",
@@ -109,6 +117,9 @@ fn describe(model: &Model) -> String {
         text +=
             &format!("{kind:4} {:6.1} %  {}\n", 100.0 * weight, "█".repeat((40.0 * weight).round() as usize));
     }
+    if !provenance.neighbors_tried.is_empty() {
+        text += &neighbors_table(&provenance.neighbors_tried, *n_neighbors);
+    }
     if !provenance.kinds_tried.is_empty() {
         text += &curve(&provenance.kinds_tried, *n_kinds);
     }
@@ -117,6 +128,31 @@ fn describe(model: &Model) -> String {
 
 fn asked_or_evidence(asked: Option<usize>) -> &'static str {
     if asked.is_some() { "as asked for" } else { "by evidence" }
+}
+
+/// What speaks for each number of neighbours that was tried, a line each: a star at the least residual variance, an
+/// arrow at the number that the model has.
+fn neighbors_table(tried: &[NeighborsTrial], n_neighbors: usize) -> String {
+    let least = tried.iter().map(|trial| trial.residual_variance).fold(f64::INFINITY, f64::min);
+    let circuits = short_circuits(tried);
+    let mut text = format!(
+        "\nneighbours tried   islands   longest bridge   residual variance in {} dimensions   median geodesic\n",
+        tried[0].n_dims
+    );
+    for (index, trial) in tried.iter().enumerate() {
+        text += &format!(
+            "{:16} {:9} {:>16} {:33.4}{} {:16.0}{}{}\n",
+            trial.n_neighbors,
+            trial.n_islands,
+            trial.bridges.last().map_or("-".to_string(), |length| format!("{length:.0}")),
+            trial.residual_variance,
+            if trial.residual_variance == least { '*' } else { ' ' },
+            trial.median_geodesic,
+            if circuits.contains(&index) { " short circuit?" } else { "" },
+            if trial.n_neighbors == n_neighbors { " ←" } else { "" },
+        );
+    }
+    text
 }
 
 /// What speaks for each number of kinds that was tried, a line each: a star at the best of each column, an arrow at the

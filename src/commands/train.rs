@@ -4,7 +4,9 @@ mod report;
 
 use std::path::{Path, PathBuf};
 
-use kinds_model::{KindsTrial, Manifest, Method, Model, Scale};
+use kinds_model::neighborhood::{chosen, runner_up, short_circuits};
+use kinds_model::residual_variance::TOLERANCE;
+use kinds_model::{IntrinsicDims, KindsTrial, Manifest, Method, Model, NeighborsTrial, Scale};
 use kinds_trainer::report::kinds_agreement;
 use kinds_trainer::{Config, MethodChoice, PcaModels, Trained};
 
@@ -130,13 +132,16 @@ pub(crate) fn summary(model: &Model) -> String {
 /// What was left to the evidence, and why it came out so, in a line each.
 pub(crate) fn choices(model: &Model) -> Vec<String> {
     let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = model.manifest();
-    let mut lines = Vec::new();
+    let mut lines: Vec<String> = neighbors_choice(&provenance.neighbors_tried).into_iter().collect();
     if plan.n_dims.is_none() {
         let elbow = provenance.elbow;
         lines.push(format!(
-            "dimensions: {n_dims}, the elbow of the residual variance at {elbow} and {} more",
-            n_dims - elbow
+            "dimensions: {n_dims}, the elbow of the residual variance at {elbow} and {} more; within {TOLERANCE} of the \
+             least from {} on",
+            n_dims - elbow,
+            provenance.n_dims_within_tolerance,
         ));
+        lines.push(format!("intrinsic dimension: {}", intrinsic(&provenance.intrinsic_dims)));
     }
     let mut tried: Vec<&KindsTrial> = provenance.kinds_tried.iter().collect();
     tried.sort_by(|a, b| a.bic_neff.total_cmp(&b.bic_neff));
@@ -152,6 +157,39 @@ pub(crate) fn choices(model: &Model) -> Vec<String> {
         ));
     }
     lines
+}
+
+/// The number of neighbours that was chosen, its runner-up, and where there may be short circuits.
+fn neighbors_choice(tried: &[NeighborsTrial]) -> Option<String> {
+    let best = chosen(tried)?;
+    let mut line = format!(
+        "neighbours: {}, the fewest of {} to {} whose residual variance is within {TOLERANCE} of the least: {:.4} in {} \
+         dimensions",
+        best.n_neighbors,
+        tried[0].n_neighbors,
+        tried[tried.len() - 1].n_neighbors,
+        best.residual_variance,
+        best.n_dims,
+    );
+    if let Some(second) = runner_up(tried) {
+        line += &format!("; {:.4} with {}", second.residual_variance, second.n_neighbors);
+    }
+    let circuits: Vec<String> =
+        short_circuits(tried).iter().map(|&index| tried[index].n_neighbors.to_string()).collect();
+    if !circuits.is_empty() {
+        line += &format!("; perhaps short circuits at {}", circuits.join(", "));
+    }
+    Some(line)
+}
+
+/// Both estimates of the intrinsic dimension.
+pub(crate) fn intrinsic(dims: &IntrinsicDims) -> String {
+    let number = |dims: Option<f64>| dims.map_or("unknown".to_string(), |dims| format!("{dims:.1}"));
+    format!(
+        "{} by two nearest neighbours, {} by maximum likelihood",
+        number(dims.two_nn),
+        number(dims.maximum_likelihood)
+    )
 }
 
 pub(crate) fn method_name(method: Method) -> &'static str {

@@ -8,7 +8,7 @@ fn training_numbers_beyond_their_limits_are_refused_with_value_and_limit() {
     let limit = |field: &str| match field {
         "kinds" => "between 1 and 64",
         "dims" => "between 1 and 32",
-        "neighbors" | "landmarks" | "starts" => "at least 1",
+        "neighbors" | "starts" => "at least 1",
         "invalid-range-m" => "at least 0 m",
         "covariance-floor" => "above 0 and below 1",
         _ => "above 0 m",
@@ -17,7 +17,6 @@ fn training_numbers_beyond_their_limits_are_refused_with_value_and_limit() {
         ("kinds", &["0", "65"][..]),
         ("dims", &["0", "33"]),
         ("neighbors", &["0"]),
-        ("landmarks", &["0"]),
         ("starts", &["0"]),
         ("range-m-max", &["0", "NaN", "inf"]),
         ("invalid-range-m", &["NaN", "inf"]),
@@ -37,6 +36,31 @@ fn training_numbers_beyond_their_limits_are_refused_with_value_and_limit() {
             }
         }
     }
+}
+
+#[test]
+fn landmarks_that_cannot_be_are_refused_with_what_can() {
+    let robot = Robot::trained();
+    let train = ["train", FIRST, "--output", MODEL];
+    for number in ["0", "2.5", "-3", "0%", "101%", "some"] {
+        let sentence = format!(
+            "landmarks are {number}; they must be all, a count such as 500, or a share above 0% and at most 100% such as 25%"
+        );
+        let flag = [&train[..], &["--landmarks", number]].concat();
+        robot.refuse(
+            &flag,
+            2,
+            &format!("error: invalid value '{number}' for '--landmarks <all|N|SHARE%>': {sentence}"),
+        );
+        robot.write("landmarks.ron", format!("(landmarks: \"{number}\")"));
+        let config = [&train[..], &["--config", "landmarks.ron"]].concat();
+        robot.refuse_with(&config, 2, &["configuration landmarks.ron: line 1, column ", &sentence]);
+    }
+    let choice = [&train[..], &["--landmark-choice", "nearest"]].concat();
+    robot.refuse(&choice, 2, "error: invalid value 'nearest' for '--landmark-choice <HOW>'");
+    robot.write("choice.ron", "(landmark_choice: nearest)");
+    let config = [&train[..], &["--config", "choice.ron"]].concat();
+    robot.refuse_with(&config, 2, &["configuration choice.ron: line 1, column ", "nearest"]);
 }
 
 #[test]

@@ -181,7 +181,7 @@ fn too_few_frames_are_a_sentence() {
     Trip { n_frames: 8, ..Trip::FIRST }.write(&robot.path("short.mcap"));
     let train = ["train", "short.mcap", "--output", MODEL];
     robot.refuse_with(
-        &train,
+        &[&train[..], &["--neighbors", "10"]].concat(),
         1,
         &["8 frames are too few for 10 neighbours each; ask for fewer neighbours or record a longer trip"],
     );

@@ -17,9 +17,9 @@ pub(crate) const FIRST: &str = "first.mcap";
 pub(crate) const SECOND: &str = "second.mcap";
 pub(crate) const MODEL: &str = "m.kinds";
 
-/// What a test asks for that does not care how many dimensions and kinds there are: choosing them takes longer than
-/// all the rest.
-pub(crate) const SIZE: [&str; 4] = ["--dims", "8", "--kinds", "5"];
+/// What a test asks for that does not care how many neighbours, dimensions and kinds there are: choosing them takes longer
+/// than all the rest.
+pub(crate) const SIZE: [&str; 6] = ["--neighbors", "10", "--dims", "8", "--kinds", "5"];
 
 /// A folder to work in and a domain of its own, gone with all that is in them at the end.
 pub(crate) struct Robot {

@@ -26,7 +26,7 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
     robot.write(
         "config.ron",
         "// Everything that there is.\n(response: log, range_m_max: 5.0, invalid_range_m: 4.5, offset_m: 0.2, method: \
-         pca, neighbors: 7, landmarks: 90, dims: 3, kinds: 4, covariance: \
+         pca, neighbors: 7, landmarks: \"75%\", landmark_choice: k_means, dims: 3, kinds: 4, covariance: \
          tied, starts: 2, covariance_floor: 0.01, seed: 3, \
          metres_per_count: 0.002, frames_topic: \"/ring\", poses_topic: \"/odom\")",
     );
@@ -34,7 +34,8 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
     #[rustfmt::skip]
     let flags = [
         "--response", "log", "--range-m-max", "5", "--invalid-range-m", "4.5", "--offset-m", "0.2", "--method", "pca",
-        "--neighbors", "7", "--landmarks", "90", "--dims", "3", "--kinds", "4", "--covariance", "tied", "--starts", "2",
+        "--neighbors", "7", "--landmarks", "75%", "--landmark-choice", "k-means", "--dims", "3", "--kinds", "4",
+        "--covariance", "tied", "--starts", "2",
         "--covariance-floor", "0.01", "--seed", "3", "--metres-per-count", "0.002", "--frames-topic", "/ring",
         "--poses-topic", "/odom",
     ];
@@ -49,7 +50,8 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
     for (name, value) in [
         ("method", "Pca".into()),
         ("n_neighbors", 7.into()),
-        ("n_landmarks", 90.into()),
+        ("n_landmarks", 120.into()),
+        ("landmark_choice", "KMeans".into()),
         ("n_dims", 3.into()),
         ("seed", Value::from(3)),
     ] {
@@ -86,7 +88,9 @@ fn what_is_left_to_the_evidence_is_chosen_and_both_train_and_inspect_say_why() {
     let outcome = robot.run(&["train", FIRST, "--output", "chosen.kinds", "--report", "report"]);
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
     let inspection = inspect(&robot, "chosen.kinds");
-    assert_eq!((&inspection["plan"]["n_dims"], &inspection["plan"]["n_kinds"]), (&Value::Null, &Value::Null));
+    for asked in ["n_neighbors", "n_dims", "n_kinds"] {
+        assert_eq!(inspection["plan"][asked], Value::Null, "{asked}");
+    }
     let provenance = &inspection["provenance"];
     let (n_dims, n_kinds, elbow) = (&inspection["n_dims"], &inspection["n_kinds"], &provenance["elbow"]);
     assert_eq!(n_dims.as_u64().unwrap(), elbow.as_u64().unwrap() + 2);
@@ -98,8 +102,19 @@ fn what_is_left_to_the_evidence_is_chosen_and_both_train_and_inspect_say_why() {
     assert_eq!(number, n_kinds);
     let n_effective = provenance["n_frames_effective"].as_f64().unwrap();
     let report = String::from_utf8(robot.read("report/report.html")).unwrap();
+    let within = &provenance["n_dims_within_tolerance"];
+    let estimate = |name: &str| provenance["intrinsic_dims"][name].as_f64().unwrap();
+    let intrinsic = format!(
+        "{:.1} by two nearest neighbours, {:.1} by maximum likelihood",
+        estimate("two_nn"),
+        estimate("maximum_likelihood")
+    );
     for line in [
-        format!("dimensions: {n_dims}, the elbow of the residual variance at {elbow} and 2 more"),
+        format!(
+            "dimensions: {n_dims}, the elbow of the residual variance at {elbow} and 2 more; within 0.01 of the least from \
+             {within} on"
+        ),
+        format!("intrinsic dimension: {intrinsic}"),
         format!(
             "kinds: {n_kinds}, the least BIC_neff of 1 to {}: {best:.1} nats, {:.1} less than {runner_up} kinds; \
              160 frames count as {n_effective:.0} independent ones",
@@ -112,9 +127,11 @@ fn what_is_left_to_the_evidence_is_chosen_and_both_train_and_inspect_say_why() {
     }
 
     let text = robot.succeed(&["inspect", "chosen.kinds"]);
-    let beginning =
-        format!("dimensions   {n_dims}, by evidence: elbow at {elbow}; residual variance of 1, 2, …: ");
+    let beginning = format!(
+        "dimensions   {n_dims}, by evidence: elbow at {elbow}, within the tolerance from {within}; residual variance of 1, 2, …: "
+    );
     assert!(text.lines().any(|line| line.starts_with(&beginning)), "{text}");
+    assert!(text.lines().any(|line| line == format!("intrinsic    {intrinsic}")), "{text}");
     let beginning = format!("kinds        {n_kinds}, by evidence; log-likelihood ");
     assert!(text.lines().any(|line| line.starts_with(&beginning)), "{text}");
     let (_, curve) =
@@ -137,6 +154,75 @@ fn what_is_left_to_the_evidence_is_chosen_and_both_train_and_inspect_say_why() {
 }
 
 #[test]
+fn the_number_of_neighbours_is_chosen_and_both_train_and_inspect_say_why() {
+    let robot = Robot::trained();
+    let size = ["--dims", "3", "--kinds", "3"];
+    let told = robot.succeed(&[&["train", FIRST, "--output", "chosen.kinds"][..], &size].concat());
+    let inspection = inspect(&robot, "chosen.kinds");
+    let n_neighbors = &inspection["n_neighbors"];
+    let tried = inspection["provenance"]["neighbors_tried"].as_array().unwrap();
+    let number = |trial: &Value, field: &str| trial[field].as_f64().unwrap();
+    let mut ranked: Vec<&Value> = tried.iter().collect();
+    ranked.sort_by(|a, b| number(a, "residual_variance").total_cmp(&number(b, "residual_variance")));
+    let least = number(ranked[0], "residual_variance");
+    let best = tried.iter().find(|trial| number(trial, "residual_variance") <= least + 0.01).unwrap();
+    assert_eq!(best["n_neighbors"], *n_neighbors);
+    let second = ranked.iter().find(|trial| trial["n_neighbors"] != *n_neighbors).unwrap();
+    let beginning = format!(
+        "neighbours: {n_neighbors}, the fewest of {} to 30 whose residual variance is within 0.01 of the least: {:.4} in 3 \
+         dimensions; {:.4} with {}",
+        tried[0]["n_neighbors"],
+        number(best, "residual_variance"),
+        number(second, "residual_variance"),
+        second["n_neighbors"],
+    );
+    let line = told
+        .lines()
+        .find(|line| line.starts_with(&beginning))
+        .unwrap_or_else(|| panic!("{beginning} in {told}"));
+
+    let text = robot.succeed(&["inspect", "chosen.kinds"]);
+    let heading = "\nneighbours tried   islands   longest bridge   residual variance in 3 dimensions   median geodesic\n";
+    let (_, table) = text.split_once(heading).unwrap();
+    assert_eq!(table.lines().count(), tried.len(), "{table}");
+    let mut flagged = Vec::new();
+    for (line, trial) in table.lines().zip(tried) {
+        let words: Vec<&str> = line.split([' ', '*', '←']).filter(|word| !word.is_empty()).collect();
+        let bridge = trial["bridges"].as_array().unwrap().last();
+        let expected = [
+            trial["n_neighbors"].to_string(),
+            trial["n_islands"].to_string(),
+            bridge.map_or("-".to_string(), |length| format!("{:.0}", length.as_f64().unwrap())),
+            format!("{:.4}", number(trial, "residual_variance")),
+            format!("{:.0}", number(trial, "median_geodesic")),
+        ];
+        assert_eq!(words[..5], expected, "{line}");
+        assert_eq!(line.contains('*'), number(trial, "residual_variance") == least, "{line}");
+        assert_eq!(line.ends_with(" ←"), trial["n_neighbors"] == *n_neighbors, "{line}");
+        if line.contains(" short circuit?") {
+            flagged.push(expected[0].clone());
+        }
+    }
+    let circuits = format!("; perhaps short circuits at {}", flagged.join(", "));
+    assert_eq!(line.strip_prefix(&beginning), Some(if flagged.is_empty() { "" } else { &circuits }));
+}
+
+#[test]
+fn inspect_says_how_landmarks_were_chosen() {
+    let robot = Robot::trained();
+    for (choice, words) in
+        [("random", "at random"), ("farthest", "by farthest point"), ("k-means", "by k-means")]
+    {
+        let train =
+            ["train", FIRST, "--output", "some.kinds", "--landmarks", "25%", "--landmark-choice", choice];
+        robot.succeed(&[&train[..], &SIZE].concat());
+        let line = format!("method       Isomap: 10 neighbours, 40 landmarks {words}");
+        let text = robot.succeed(&["inspect", "some.kinds"]);
+        assert!(text.lines().any(|found| found == line), "no {line:?} in {text}");
+    }
+}
+
+#[test]
 fn inspect_says_what_is_in_a_model() {
     let robot = Robot::trained();
     let model = crate::world::open_model(&robot.path(MODEL));
@@ -146,7 +232,10 @@ fn inspect_says_what_is_in_a_model() {
     assert_eq!(inspection["n_frames"], 160);
     assert_eq!((&inspection["n_dims"], &inspection["n_kinds"]), (&8.into(), &5.into()));
     assert_eq!((&inspection["plan"]["n_dims"], &inspection["plan"]["n_kinds"]), (&8.into(), &5.into()));
-    assert_eq!(inspection["provenance"]["kinds_tried"], serde_json::json!([]));
+    assert_eq!((&inspection["n_neighbors"], &inspection["plan"]["n_neighbors"]), (&10.into(), &10.into()));
+    for tried in ["neighbors_tried", "kinds_tried"] {
+        assert_eq!(inspection["provenance"][tried], serde_json::json!([]));
+    }
     assert_eq!(inspection["provenance"]["origin"]["trips"], serde_json::json!([FIRST]));
     // Numbers are printed with all their digits; what reads them here may miss the last one.
     let weights = inspection["weights"].as_array().unwrap();
@@ -170,5 +259,5 @@ fn inspect_says_what_is_in_a_model() {
         text.lines().any(|line| line.starts_with("kinds        5, as asked for; log-likelihood ")),
         "{text}"
     );
-    assert!(!text.contains("kinds tried"), "{text}");
+    assert!(!text.contains(" tried"), "{text}");
 }

@@ -1,10 +1,13 @@
 //! What a person says about training (RON or flags), and the checked plan that it becomes for a sensor.
 
 use kinds_model::{
-    Covariance, EmPlan, FitPlan, Method, N_DIMS_MAX, N_KINDS_MAX, ResponsePlan, Scale, SensorLayout,
+    Covariance, EmPlan, FitPlan, LandmarkChoice, Method, N_DIMS_MAX, N_KINDS_MAX, ResponsePlan, Scale,
+    SensorLayout,
 };
 use kinds_trips::Selection;
 use serde::Deserialize;
+
+use crate::landmark_number::LandmarkNumber;
 
 /// Training as a RON file says it. Every field may be left out; then the sensor and the trips decide.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -20,10 +23,13 @@ pub struct Config {
     pub offset_m: Option<f64>,
     /// Isomap, PCA, or both of them side by side. Default: Isomap.
     pub method: Option<MethodChoice>,
-    /// Neighbours in the graph, at least 1. Default: 10.
+    /// Neighbours in the graph, at least 1. Default: the fewest that leave few frames beyond bridges and a residual
+    /// variance within 0.01 of the least of all up to 30.
     pub neighbors: Option<usize>,
-    /// Landmarks, at least 1. Default: 1000, or all frames if there are fewer.
-    pub landmarks: Option<usize>,
+    /// Landmarks: all, a count of at least 1, or a share such as "25%". Default: 1000, or all frames if there are fewer.
+    pub landmarks: Option<LandmarkNumber>,
+    /// How landmarks are chosen: random, farthest or k_means. Default: random.
+    pub landmark_choice: Option<LandmarkChoice>,
     /// Dimensions, 1 to 32. Default: two more than where the residual variance bends.
     pub dims: Option<usize>,
     /// Kinds, 1 to 64. Default: of 1 to 20, the number with the least BIC for as many frames as are independent.
@@ -87,6 +93,9 @@ pub enum ConfigError {
 /// readings must not stretch the scale.
 const USEFUL_SHARE: f64 = 0.99;
 
+/// Landmarks that keep a trip of an hour within seconds: the eigenvalues' cost grows with their cube.
+const USUAL_LANDMARKS: LandmarkNumber = LandmarkNumber::Count(1000);
+
 impl Config {
     /// Reads a configuration.
     ///
@@ -112,6 +121,7 @@ impl Config {
             method: over.method.or(self.method),
             neighbors: over.neighbors.or(self.neighbors),
             landmarks: over.landmarks.or(self.landmarks),
+            landmark_choice: over.landmark_choice.or(self.landmark_choice),
             dims: over.dims.or(self.dims),
             kinds: over.kinds.or(self.kinds),
             covariance: over.covariance.or(self.covariance),
@@ -148,7 +158,6 @@ impl Config {
         };
         let positive: fn(f64) -> bool = |value| value.is_finite() && value > 0.0;
         count("neighbors", self.neighbors, usize::MAX)?;
-        count("landmarks", self.landmarks, usize::MAX)?;
         count("dims", self.dims, N_DIMS_MAX)?;
         count("kinds", self.kinds, N_KINDS_MAX)?;
         count("starts", self.starts, usize::MAX)?;
@@ -199,8 +208,9 @@ impl Config {
                 None | Some(MethodChoice::Isomap | MethodChoice::Both) => Method::Isomap,
                 Some(MethodChoice::Pca) => Method::Pca,
             },
-            n_neighbors: self.neighbors.unwrap_or(10),
-            n_landmarks: self.landmarks.unwrap_or(1000),
+            n_neighbors: self.neighbors,
+            n_landmarks: self.landmarks.unwrap_or(USUAL_LANDMARKS).of(counts.len() / sensor.n_readings()),
+            landmark_choice: self.landmark_choice.unwrap_or_default(),
             n_dims: self.dims,
             n_kinds: self.kinds,
             em: EmPlan {
@@ -234,9 +244,10 @@ mod tests {
     const RING: SensorLayout = SensorLayout { rows: 1, columns: 16, metres_per_count: 0.001 };
 
     #[test]
-    fn an_empty_file_leaves_dimensions_and_kinds_to_the_evidence() {
+    fn an_empty_file_leaves_neighbours_dimensions_and_kinds_to_the_evidence() {
         let plan = Config::from_ron("()").unwrap().plan(RING, &[0, 4000, 3000]).unwrap();
-        assert_eq!((plan.n_dims, plan.n_kinds, plan.response.range_m_max), (None, None, 4.0));
+        assert_eq!((plan.n_neighbors, plan.n_dims, plan.n_kinds), (None, None, None));
+        assert_eq!((plan.landmark_choice, plan.response.range_m_max), (LandmarkChoice::Random, 4.0));
     }
 
     #[test]
@@ -257,6 +268,19 @@ mod tests {
     }
 
     #[test]
+    fn landmarks_are_so_many_of_the_frames_that_there_are() {
+        let counts = vec![1; 16 * 40];
+        let n_landmarks =
+            |text| Config::from_ron(text).unwrap().plan(RING, &counts).map(|plan| plan.n_landmarks);
+        assert_eq!(n_landmarks("()"), Ok(40));
+        assert_eq!(n_landmarks("(landmarks: all)"), Ok(40));
+        assert_eq!(n_landmarks("(landmarks: 30)"), Ok(30));
+        assert_eq!(n_landmarks("(landmarks: \"25%\")"), Ok(10));
+        let chosen = Config::from_ron("(landmark_choice: k_means)").unwrap().plan(RING, &counts).unwrap();
+        assert_eq!(chosen.landmark_choice, LandmarkChoice::KMeans);
+    }
+
+    #[test]
     fn wrong_fields_and_numbers_are_refused_with_place_value_and_limit() {
         let refuse = |text: &str| match Config::from_ron(text) {
             Ok(config) => config.check().unwrap_err().to_string(),
@@ -267,6 +291,11 @@ mod tests {
         assert_eq!(
             refuse("(covariance_floor: 1.5)"),
             "covariance_floor is 1.5; it must be above 0 and below 1"
+        );
+        assert_eq!(
+            refuse("(landmarks: \"110%\")"),
+            "line 1, column 19: landmarks are 110%; they must be all, a count such as 500, or a share above 0% and at most \
+             100% such as 25%"
         );
         let unknown = refuse("(\n  kids: 5,\n)");
         assert!(unknown.starts_with("line 2, column ") && unknown.contains("kids"), "{unknown}");

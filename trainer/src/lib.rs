@@ -8,6 +8,7 @@ mod agreement;
 mod config;
 mod consistency;
 mod evaluate;
+mod landmark_number;
 mod load;
 mod progress;
 pub mod report;
@@ -21,6 +22,7 @@ pub use consistency::{Consistency, Places, Revisits, kappa};
 pub use evaluate::{
     EvaluateError, Evaluation, EvaluationPlan, Meeting, MethodScores, Methods, Rivals, evaluate,
 };
+pub use landmark_number::{LandmarkNumber, LandmarkNumberError};
 pub use load::{LoadError, LoadedTrip, load};
 pub use progress::{Progress, Stage};
 pub use runs::Runs;

@@ -141,7 +141,7 @@ fn remark_on_islands(model: &Model) -> Option<String> {
         "neighbour graph has {} islands ({sizes} frames) at {} neighbours; joined by {} bridges of {lengths} counts; \
          raise the neighbours to avoid them",
         islands.len(),
-        model.manifest().plan.n_neighbors,
+        model.manifest().n_neighbors,
         bridges.len(),
     ))
 }

@@ -98,7 +98,8 @@ fn method_name(method: Method) -> &'static str {
 }
 
 fn facts(model: &Model) -> Vec<(&'static str, String)> {
-    let FitPlan { sensor, response, method, n_neighbors, n_landmarks, em, seed, .. } = &model.manifest().plan;
+    let FitPlan { sensor, response, method, n_landmarks, em, seed, .. } = &model.manifest().plan;
+    let n_neighbors = model.manifest().n_neighbors;
     let n_dims = model.embedding().n_dims();
     let Provenance { made_by, origin, .. } = &model.manifest().provenance;
     let scale = match response.scale {

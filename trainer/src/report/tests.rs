@@ -5,7 +5,9 @@ mod figures;
 use std::collections::BTreeMap;
 
 use kinds_model::mixture::most_probable;
-use kinds_model::{EmPlan, FitPlan, Method, Model, Origin, ResponsePlan, Scale, SensorLayout, fit};
+use kinds_model::{
+    EmPlan, FitPlan, LandmarkChoice, Method, Model, Origin, ResponsePlan, Scale, SensorLayout, fit,
+};
 use kinds_trips::Pose;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -33,8 +35,9 @@ fn model(sensor: SensorLayout, scale: Scale, n_dims: usize, n_kinds: usize) -> M
         sensor,
         response: ResponsePlan::new(scale, 4.0),
         method: Method::Isomap,
-        n_neighbors: 8,
+        n_neighbors: Some(8),
         n_landmarks: 60,
+        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(n_dims),
         n_kinds: Some(n_kinds),
         em: EmPlan::new(1),

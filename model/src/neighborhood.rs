@@ -1,0 +1,208 @@
+//! How many neighbours the graph has, by evidence: graphs of more and more neighbours, and what speaks for each.
+//!
+//! Too few neighbours leave islands, and every bridge between them is a guess that residual variance takes for good: long
+//! lengths that one dimension explains. So what is tried begins where nearly all frames are on one island. Too many link
+//! frames of different places, and no embedding keeps their geodesics. So the fewest are taken whose residual variance is
+//! within [`TOLERANCE`] of the least: what is left of a smaller difference is how the landmarks fell, and every neighbour
+//! more may be of another place.
+//!
+//! A *short circuit* is flagged where the median geodesic falls by more than a tenth from one number to the next, or the
+//! residual variance doubles. The flag does not decide: on recorded trips paths straighten by a tenth while few neighbours
+//! become a few more, and a doubled residual variance loses anyway.
+//!
+//! Neighbour lists are nested, so that the islands of a graph of more neighbours are unions of those of one of fewer. Its
+//! bridges are among the other's: what a minimum spanning set leaves out is the longest edge of some round, and stays that
+//! when frames are merged. So islands are joined once, at the fewest neighbours that are tried.
+
+use rayon::prelude::*;
+
+use crate::frames::Frames;
+use crate::geodesics::Geodesics;
+use crate::graph::{Edge, Graph};
+use crate::mds::Embedding;
+use crate::model::NeighborsTrial;
+use crate::neighbors::{NeighborLists, squared_distance};
+use crate::residual_variance::{N_DIMS_BEYOND_ELBOW, N_DIMS_REPORTED, TOLERANCE, elbow, residual_variance};
+use crate::tally::Tally;
+
+/// Most neighbours that are tried.
+pub const N_NEIGHBORS_TRIED_MAX: usize = 30;
+
+/// Most bridges that the fewest neighbours tried may leave, where there is a choice.
+pub const N_BRIDGES_FEW: usize = 3;
+
+/// Share of the frames that should be on the largest island of the fewest neighbours tried: some frames are unlike all
+/// others, and it takes many neighbours to reach them.
+pub const LARGEST_ISLAND_SHARE: f64 = 0.95;
+
+/// Landmarks that suffice to compare numbers of neighbours: each gives a length to every frame.
+const N_LANDMARKS: usize = 100;
+
+/// Share by which the median geodesic falls from one number to the next where there may be a short circuit.
+const SHORT_CIRCUIT_FALL: f64 = 0.1;
+
+/// Factor by which the residual variance rises where there may be one: a roll whose turns touch goes from 0.001 to 0.03,
+/// while its median geodesic falls by 9 %.
+const SHORT_CIRCUIT_RISE: f64 = 2.0;
+
+/// Tries numbers of neighbours: the fewest that leave at most [`N_BRIDGES_FEW`] bridges and [`LARGEST_ISLAND_SHARE`] of the
+/// frames on one island, and each above up to [`N_NEIGHBORS_TRIED_MAX`] or the length of the lists. Where none leaves as
+/// many frames on one island, as after trips to places that have nothing in common, the bridges alone count.
+///
+/// Geodesics are measured from at most a hundred of the landmarks. All numbers are measured side by side on the threads of
+/// whoever calls; what comes out does not depend on how many those are.
+///
+/// * `lists` — of at least one neighbour
+/// * `landmarks` — frame indices, at least one
+/// * `n_dims` — d of the model; none where it is left to the evidence
+/// * `done` — told how many numbers are measured, and of how many
+///
+/// O(pairs of frames on different islands · n_readings), and for each number O(100 · n_edges · log n_frames).
+pub fn try_neighbors(
+    frames: &Frames,
+    lists: &NeighborLists,
+    landmarks: &[u32],
+    n_dims: Option<usize>,
+    done: &mut (dyn FnMut(usize, usize) + Send),
+) -> Vec<NeighborsTrial> {
+    let most = lists.k().min(N_NEIGHBORS_TRIED_MAX);
+    let fewest = fewest(lists, most);
+    let between = |a: u32, b: u32| squared_distance(frames.row(a as usize), frames.row(b as usize));
+    let bridges = Graph::union(lists, fewest).join_islands(between);
+
+    let n_landmarks = landmarks.len().min(N_LANDMARKS);
+    // By rising index, so that these are spread over the trip.
+    let landmarks: Vec<u32> =
+        (0..n_landmarks).map(|lane| landmarks[lane * landmarks.len() / n_landmarks]).collect();
+    let numbers: Vec<usize> = (fewest..=most).collect();
+    let mut told = |n_done| done(n_done, numbers.len());
+    let tally = Tally::new(&mut told);
+    let measured: Vec<Measured> = numbers
+        .par_iter()
+        .with_max_len(1)
+        .map(|&n_neighbors| {
+            let measured = Measured::new(lists, n_neighbors, &bridges, &landmarks);
+            tally.add();
+            measured
+        })
+        .collect();
+    let n_dims = n_dims.unwrap_or_else(|| common_elbow(&measured) + N_DIMS_BEYOND_ELBOW);
+    measured.into_iter().map(|measured| measured.at(n_dims)).collect()
+}
+
+/// The trial to take: the fewest neighbours whose residual variance is within [`TOLERANCE`] of the least.
+pub fn chosen(trials: &[NeighborsTrial]) -> Option<&NeighborsTrial> {
+    let least = least_of(trials.iter())?.residual_variance;
+    trials.iter().find(|trial| trial.residual_variance <= least + TOLERANCE)
+}
+
+/// The best of the trials that were not chosen: that with the least residual variance.
+pub fn runner_up(trials: &[NeighborsTrial]) -> Option<&NeighborsTrial> {
+    let chosen = chosen(trials)?.n_neighbors;
+    least_of(trials.iter().filter(|trial| trial.n_neighbors != chosen))
+}
+
+/// The least residual variance, of equals that of the fewest neighbours.
+fn least_of<'a>(trials: impl Iterator<Item = &'a NeighborsTrial>) -> Option<&'a NeighborsTrial> {
+    trials.min_by(|a, b| a.residual_variance.total_cmp(&b.residual_variance))
+}
+
+/// Indices of trials that may have a short circuit which the one before has not. Never the first: there is none before.
+pub fn short_circuits(trials: &[NeighborsTrial]) -> Vec<usize> {
+    let is_sudden = |index: &usize| {
+        let (before, after) = (&trials[index - 1], &trials[*index]);
+        after.median_geodesic < (1.0 - SHORT_CIRCUIT_FALL) * before.median_geodesic
+            || after.residual_variance > SHORT_CIRCUIT_RISE * before.residual_variance
+    };
+    (1..trials.len()).filter(is_sudden).collect()
+}
+
+/// The fewest neighbours to try.
+fn fewest(lists: &NeighborLists, most: usize) -> usize {
+    let mut few_bridges = None;
+    for n_neighbors in 1..most {
+        let islands = Graph::union(lists, n_neighbors).islands();
+        if islands.len() > N_BRIDGES_FEW + 1 {
+            continue;
+        }
+        if islands[0].len() as f64 >= LARGEST_ISLAND_SHARE * lists.n_frames() as f64 {
+            return n_neighbors;
+        }
+        few_bridges = few_bridges.or(Some(n_neighbors));
+    }
+    few_bridges.unwrap_or(most)
+}
+
+/// What one number of neighbours comes to, for every number of dimensions.
+struct Measured {
+    n_neighbors: usize,
+    n_islands: usize,
+    bridges: Vec<f32>,
+    residual_variance: Vec<f64>,
+    median_geodesic: f64,
+}
+
+impl Measured {
+    /// * `bridges` — of a graph of no more neighbours, shortest first
+    fn new(lists: &NeighborLists, n_neighbors: usize, bridges: &[Edge], landmarks: &[u32]) -> Self {
+        let mut graph = Graph::union(lists, n_neighbors);
+        let n_islands = graph.islands().len();
+        let bridges = graph.join_by(bridges.iter().copied());
+        let geodesics = Geodesics::measure(&graph, landmarks, &mut |_| ());
+        Self {
+            n_neighbors,
+            n_islands,
+            bridges: bridges.iter().map(|bridge| bridge.length).collect(),
+            residual_variance: embedded(&geodesics, landmarks),
+            median_geodesic: median(&geodesics),
+        }
+    }
+
+    /// * `n_dims` — that are kept; where geodesics span fewer, as many as these
+    fn at(self, n_dims: usize) -> NeighborsTrial {
+        let n_dims = n_dims.min(self.residual_variance.len());
+        NeighborsTrial {
+            n_neighbors: self.n_neighbors,
+            n_islands: self.n_islands,
+            bridges: self.bridges,
+            n_dims,
+            residual_variance: self.residual_variance[n_dims - 1],
+            median_geodesic: self.median_geodesic,
+        }
+    }
+}
+
+/// Residual variance for 1, 2, … dimensions of an embedding of the landmarks' geodesics; 1 where they span none.
+fn embedded(geodesics: &Geodesics, landmarks: &[u32]) -> Vec<f64> {
+    let n_landmarks = landmarks.len();
+    let squared: Vec<f64> = geodesics.lengths().iter().map(|length| f64::from(*length).powi(2)).collect();
+    let rows = squared.chunks_exact(n_landmarks);
+    let block: Vec<f64> = landmarks
+        .iter()
+        .flat_map(|&landmark| &squared[landmark as usize * n_landmarks..][..n_landmarks])
+        .copied()
+        .collect();
+    let Ok((embedding, _)) = Embedding::fit(&block, n_landmarks, N_DIMS_REPORTED, 1) else {
+        return vec![1.0];
+    };
+    let mut coordinates = vec![0.0; geodesics.n_frames() * embedding.n_dims()];
+    for (place, delta) in coordinates.chunks_exact_mut(embedding.n_dims()).zip(rows) {
+        embedding.embed(delta, place);
+    }
+    let length = |frame_index: usize, lane: usize| f64::from(geodesics.row(frame_index)[lane]);
+    residual_variance(&coordinates, embedding.n_dims(), landmarks, length)
+}
+
+/// Median length between a landmark and another frame, counts.
+fn median(geodesics: &Geodesics) -> f64 {
+    let mut lengths = geodesics.lengths().to_vec();
+    let middle = lengths.len() / 2;
+    f64::from(*lengths.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
+/// Where the curves of residual variance bend: the median over all numbers, so that all are compared at equal dimensions.
+fn common_elbow(measured: &[Measured]) -> usize {
+    let mut elbows: Vec<usize> = measured.iter().map(|measured| elbow(&measured.residual_variance)).collect();
+    elbows.sort_unstable();
+    elbows[elbows.len() / 2]
+}
