@@ -287,17 +287,14 @@ fn embed(
         let lanes = landmarks.iter().enumerate();
         squared.extend(lanes.map(|(lane, &landmark)| metric.squared(frames, frame_index, lane, landmark)));
     }
-    let block: Vec<f64> = landmarks
-        .iter()
-        .flat_map(|&landmark| &squared[landmark as usize * n_landmarks..][..n_landmarks])
-        .copied()
-        .collect();
-    if block.iter().all(|squared| *squared == 0.0) {
+    let between = |i: usize, j: usize| squared[landmarks[i] as usize * n_landmarks + j];
+    // Where all are at the first one's place, all are at one place.
+    if (0..n_landmarks).all(|lane| between(0, lane) == 0.0) {
         return Err(FitError::AllEqual { n_frames });
     }
     let n_dims_max = plan.n_dims.unwrap_or(0).max(N_DIMS_REPORTED);
-    let (embedding, spectrum) = Embedding::fit(&block, n_landmarks, n_dims_max, plan.n_dims.unwrap_or(1))?;
-    provenance.negative_share = spectrum.negative_share();
+    let (embedding, spectrum) = Embedding::fit(n_landmarks, between, n_dims_max, plan.n_dims.unwrap_or(1))?;
+    provenance.negative_share = spectrum.negative_share;
     provenance.eigenvalues = spectrum.eigenvalues.iter().take(n_dims_max).copied().collect();
 
     let mut coordinates = vec![0.0; n_frames * embedding.n_dims()];

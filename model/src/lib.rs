@@ -38,6 +38,7 @@
 pub mod array;
 pub mod autocorrelation;
 pub mod classify;
+mod eigen;
 pub mod em;
 pub mod evidence;
 pub mod file;

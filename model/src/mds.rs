@@ -8,9 +8,10 @@
 //! The paper prints the double centring with `½ S_i`; right is `S_i / n`. With squared Euclidean distances in place of
 //! squared geodesics the same code is principal component analysis, up to signs.
 
-use faer::{Mat, Side};
+use faer::Mat;
 
 use crate::array::Array;
+use crate::eigen::{Eigen, N_WHOLE_MAX, largest, whole};
 
 /// An eigenvalue below this share of the largest is rounding, not a dimension.
 const EIGENVALUE_SHARE_MIN: f64 = 1e-12;
@@ -25,12 +26,15 @@ pub struct Embedding {
     mean_squared_geodesics: Array<f64>,
 }
 
-/// All eigenvalues of B.
+/// Eigenvalues of B.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spectrum {
-    /// Shape `(n_landmarks,)`, counts², descending: the last are often negative, since geodesics need not fit into any
-    /// Euclidean space.
+    /// The largest, counts², descending. All of them where landmarks are at most a thousand: then the last are often
+    /// negative, since geodesics need not fit into any Euclidean space.
     pub eigenvalues: Vec<f64>,
+    /// Share of the negative eigenvalues in the sum of all magnitudes: how far the geodesics are from any Euclidean space.
+    /// Of more than a thousand landmarks, that of a thousand among them.
+    pub negative_share: f64,
 }
 
 /// Why landmarks cannot be scaled.
@@ -67,75 +71,58 @@ pub enum MdsError {
     },
 }
 
-impl Spectrum {
-    /// Share of the negative eigenvalues in the sum of all magnitudes: how far the geodesics are from any Euclidean space.
-    pub fn negative_share(&self) -> f64 {
-        let magnitude: f64 = self.eigenvalues.iter().map(|value| value.abs()).sum();
-        let negative: f64 =
-            self.eigenvalues.iter().filter(|value| **value < 0.0).map(|value| value.abs()).sum();
-        if magnitude > 0.0 { negative / magnitude } else { 0.0 }
-    }
-}
-
 impl Embedding {
     /// Scales the landmarks.
     ///
-    /// * `squared_geodesics` — Δ, symmetric, shape `(n_landmarks, n_landmarks)`, counts²
+    /// * `squared_geodesic` — Δ: between two landmarks, by their places among them, counts²
     /// * `n_dims_max` — d, or the most dimensions wanted when `at_least` is smaller
     /// * `at_least` — fewer positive eigenvalues than this are an error
     ///
     /// An eigenvector's sign is free; here its entry of largest magnitude is positive, so that equal input gives equal
-    /// output. Dense: O(n_landmarks³).
+    /// output. Up to a thousand landmarks O(n_landmarks³), above O(n_landmarks² · n_dims_max) for some tens of products with
+    /// B. Holds one n_landmarks² matrix, where all eigenvalues are computed a few.
     ///
     /// # Errors
     /// If fewer than `at_least` eigenvalues are positive.
     pub fn fit(
-        squared_geodesics: &[f64],
         n_landmarks: usize,
+        squared_geodesic: impl Fn(usize, usize) -> f64,
         n_dims_max: usize,
         at_least: usize,
     ) -> Result<(Self, Spectrum), MdsError> {
-        assert_eq!(
-            squared_geodesics.len(),
-            n_landmarks * n_landmarks,
-            "one distance for each pair of landmarks"
-        );
         if n_landmarks <= at_least {
             return Err(MdsError::TooFewLandmarks { n_landmarks, n_dims: at_least });
         }
-        let mean_squared: Vec<f64> = squared_geodesics.chunks_exact(n_landmarks).map(mean).collect();
-        let grand_mean = mean(&mean_squared);
-        let centred = Mat::from_fn(n_landmarks, n_landmarks, |i, j| {
-            // Written so that (i, j) and (j, i) round alike.
-            let delta =
-                0.5 * (squared_geodesics[i * n_landmarks + j] + squared_geodesics[j * n_landmarks + i]);
-            -0.5 * (delta - (mean_squared[i] + mean_squared[j]) + grand_mean)
-        });
-        let eigen =
-            centred.self_adjoint_eigen(Side::Lower).map_err(|_| MdsError::NoEigenvalues { n_landmarks })?;
-        // faer sorts ascending.
-        let value = |rank: usize| eigen.S().column_vector()[n_landmarks - 1 - rank];
-        let eigenvalues: Vec<f64> = (0..n_landmarks).map(value).collect();
-        let limit = EIGENVALUE_SHARE_MIN * eigenvalues[0].max(0.0);
-        let n_positive = eigenvalues.iter().take_while(|value| **value > limit).count();
+        let (centred, mean_squared) = centre(n_landmarks, &squared_geodesic);
+        let unknown = MdsError::NoEigenvalues { n_landmarks };
+        let Eigen { values, vectors } = largest(centred.as_ref(), n_dims_max).ok_or(unknown.clone())?;
+        let limit = EIGENVALUE_SHARE_MIN * values[0].max(0.0);
+        let n_positive = values.iter().take_while(|value| **value > limit).count();
         if n_positive < at_least {
             return Err(MdsError::TooFewDimensions { n_positive, n_dims: at_least, n_landmarks });
         }
         let n_dims = n_dims_max.min(n_positive);
         let mut projection = vec![0.0; n_landmarks * n_dims];
         for dim in 0..n_dims {
-            let vector = eigen.U().col(n_landmarks - 1 - dim);
+            let vector = vectors.col(dim);
             let largest = (0..n_landmarks)
                 .map(|i| vector[i])
                 .fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
-            let factor = 0.5 * largest.signum() / eigenvalues[dim].sqrt();
+            let factor = 0.5 * largest.signum() / values[dim].sqrt();
             for landmark in 0..n_landmarks {
                 projection[landmark * n_dims + dim] = factor * vector[landmark];
             }
         }
+        let negative_share = if values.len() == n_landmarks {
+            negative_share(&values)
+        } else {
+            let place = |i: usize| i * n_landmarks / N_WHOLE_MAX;
+            let (some, _) = centre(N_WHOLE_MAX, |i, j| squared_geodesic(place(i), place(j)));
+            negative_share(&whole(some.as_ref()).ok_or(unknown)?.values)
+        };
         let embedding =
             Self { n_dims, projection: projection.into(), mean_squared_geodesics: mean_squared.into() };
-        Ok((embedding, Spectrum { eigenvalues }))
+        Ok((embedding, Spectrum { eigenvalues: values, negative_share }))
     }
 
     /// An embedding that was computed before. `None` if the shapes do not fit.
@@ -199,8 +186,24 @@ impl Embedding {
     }
 }
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
+/// B = −½ H Δ H and δ̄, the means of Δ's columns.
+fn centre(n_landmarks: usize, squared_geodesic: impl Fn(usize, usize) -> f64) -> (Mat<f64>, Vec<f64>) {
+    let n = n_landmarks as f64;
+    let column_mean = |j| (0..n_landmarks).map(|i| squared_geodesic(j, i)).sum::<f64>() / n;
+    let means: Vec<f64> = (0..n_landmarks).map(column_mean).collect();
+    let grand_mean = means.iter().sum::<f64>() / n;
+    let centred = Mat::from_fn(n_landmarks, n_landmarks, |i, j| {
+        // Written so that (i, j) and (j, i) round alike.
+        let delta = 0.5 * (squared_geodesic(i, j) + squared_geodesic(j, i));
+        -0.5 * (delta - (means[i] + means[j]) + grand_mean)
+    });
+    (centred, means)
+}
+
+fn negative_share(eigenvalues: &[f64]) -> f64 {
+    let magnitude: f64 = eigenvalues.iter().map(|value| value.abs()).sum();
+    let negative: f64 = eigenvalues.iter().map(|value| (-value).max(0.0)).sum();
+    if magnitude > 0.0 { negative / magnitude } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -218,7 +221,7 @@ mod tests {
     #[test]
     fn points_of_a_plane_keep_their_distances_and_span_two_dimensions() {
         let delta = squared_distances(&POINTS);
-        let (embedding, spectrum) = Embedding::fit(&delta, 5, 2, 2).unwrap();
+        let (embedding, spectrum) = Embedding::fit(5, |i, j| delta[5 * i + j], 2, 2).unwrap();
         let mut places = [[0.0; 2]; 5];
         for (place, row) in places.iter_mut().zip(delta.chunks_exact(5)) {
             embedding.embed(row, place);
@@ -227,7 +230,7 @@ mod tests {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         }
         assert!(spectrum.eigenvalues[2].abs() < 1e-12);
-        let message = Embedding::fit(&delta, 5, 3, 3).unwrap_err().to_string();
+        let message = Embedding::fit(5, |i, j| delta[5 * i + j], 3, 3).unwrap_err().to_string();
         assert_eq!(
             message,
             "the 5 landmarks span 2 dimensions and 3 were asked for: their frames are too much alike; ask for fewer \
@@ -239,7 +242,7 @@ mod tests {
     fn a_landmark_lands_at_the_root_of_the_eigenvalue_times_its_eigenvector_entry() {
         // √λ_k V_ik = 2 λ_k P_ik: the in-sample coordinates of classical scaling.
         let delta = squared_distances(&POINTS);
-        let (embedding, spectrum) = Embedding::fit(&delta, 5, 2, 2).unwrap();
+        let (embedding, spectrum) = Embedding::fit(5, |i, j| delta[5 * i + j], 2, 2).unwrap();
         for (landmark, row) in delta.chunks_exact(5).enumerate() {
             let mut place = [0.0; 2];
             embedding.embed(row, &mut place);
@@ -252,7 +255,7 @@ mod tests {
 
     #[test]
     fn equal_frames_and_too_few_landmarks_are_refused_in_words() {
-        let refuse = |n_dims| Embedding::fit(&[0.0; 9], 3, n_dims, n_dims).unwrap_err().to_string();
+        let refuse = |n_dims| Embedding::fit(3, |_, _| 0.0, n_dims, n_dims).unwrap_err().to_string();
         assert!(
             refuse(1).starts_with("the 3 landmarks span 0 dimensions and 1 were asked for"),
             "{}",

@@ -175,19 +175,16 @@ impl Measured {
 /// Residual variance for 1, 2, … dimensions of an embedding of the landmarks' geodesics; 1 where they span none.
 fn embedded(geodesics: &Geodesics, landmarks: &[u32]) -> Vec<f64> {
     let n_landmarks = landmarks.len();
-    let squared: Vec<f64> = geodesics.lengths().iter().map(|length| f64::from(*length).powi(2)).collect();
-    let rows = squared.chunks_exact(n_landmarks);
-    let block: Vec<f64> = landmarks
-        .iter()
-        .flat_map(|&landmark| &squared[landmark as usize * n_landmarks..][..n_landmarks])
-        .copied()
-        .collect();
-    let Ok((embedding, _)) = Embedding::fit(&block, n_landmarks, N_DIMS_REPORTED, 1) else {
+    let squared = |frame_index: usize, lane: usize| f64::from(geodesics.row(frame_index)[lane]).powi(2);
+    let between = |i: usize, j: usize| squared(landmarks[i] as usize, j);
+    let Ok((embedding, _)) = Embedding::fit(n_landmarks, between, N_DIMS_REPORTED, 1) else {
         return vec![1.0];
     };
     let mut coordinates = vec![0.0; geodesics.n_frames() * embedding.n_dims()];
-    for (place, delta) in coordinates.chunks_exact_mut(embedding.n_dims()).zip(rows) {
-        embedding.embed(delta, place);
+    let mut delta = vec![0.0; n_landmarks];
+    for (frame_index, place) in coordinates.chunks_exact_mut(embedding.n_dims()).enumerate() {
+        delta.iter_mut().enumerate().for_each(|(lane, delta)| *delta = squared(frame_index, lane));
+        embedding.embed(&delta, place);
     }
     let length = |frame_index: usize, lane: usize| f64::from(geodesics.row(frame_index)[lane]);
     residual_variance(&coordinates, embedding.n_dims(), landmarks, length)

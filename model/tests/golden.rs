@@ -8,7 +8,7 @@ use std::path::Path;
 use kinds_model::em::{fit_mixture, fit_mixture_from};
 use kinds_model::geodesics::Geodesics;
 use kinds_model::graph::{Edge, Graph};
-use kinds_model::mds::Embedding;
+use kinds_model::mds::{Embedding, MdsError, Spectrum};
 use kinds_model::mixture::{Mixture, most_probable};
 use kinds_model::neighbors::nearest_of_each;
 use kinds_model::residual_variance::{elbow, residual_variance};
@@ -132,6 +132,12 @@ fn squared(lengths: &[f32]) -> Vec<f64> {
     lengths.iter().map(|&length| f64::from(length) * f64::from(length)).collect()
 }
 
+/// Scales the landmarks of a whole matrix of squared geodesics.
+fn scaled(squared_geodesics: &[f64], n_dims: usize) -> Result<(Embedding, Spectrum), MdsError> {
+    let n = squared_geodesics.len().isqrt();
+    Embedding::fit(n, |i, j| squared_geodesics[i * n + j], n_dims, n_dims)
+}
+
 fn embed_all(embedding: &Embedding, squared_geodesics: &[f64]) -> Vec<f64> {
     let mut coordinates = vec![0.0; squared_geodesics.len() / embedding.n_landmarks() * embedding.n_dims()];
     let rows = squared_geodesics.chunks_exact(embedding.n_landmarks());
@@ -150,7 +156,7 @@ fn check_manifold(prefix: &'static str) {
     let all: Vec<u32> = (0..points.len() as u32).collect();
     let geodesics = Geodesics::measure(&graph, &all, &mut |_| ());
     let delta = squared(geodesics.lengths());
-    let (embedding, spectrum) = Embedding::fit(&delta, points.len(), 30, 30).unwrap();
+    let (embedding, spectrum) = scaled(&delta, 30).unwrap();
     let expected = golden.f64s("eigenvalues");
     for (found, wanted) in spectrum.eigenvalues.iter().zip(&expected) {
         assert!((found - wanted).abs() <= 4e-6 * expected[0], "{prefix}: {found} instead of {wanted}");
@@ -201,7 +207,7 @@ fn on_geodesics_in_f64_eigenvalues_and_coordinates_are_scikit_learns() {
         .flat_map(|source| geodesics_f64(&graph, &points, source))
         .map(|length| length * length)
         .collect();
-    let (embedding, spectrum) = Embedding::fit(&delta, points.len(), 3, 3).unwrap();
+    let (embedding, spectrum) = scaled(&delta, 3).unwrap();
     check_relative("eigenvalues", &spectrum.eigenvalues[..5], &golden.f64s("eigenvalues"), 1e-8);
     check_up_to_sign(&embed_all(&embedding, &delta), &golden.f64s("coordinates"), 3, 1e-6);
 }
@@ -217,7 +223,7 @@ fn landmarks_embed_all_points_as_scikit_learn_does() {
     let n = landmarks.len();
     let block: Vec<f64> =
         landmarks.iter().flat_map(|&landmark| delta[landmark as usize * n..][..n].to_vec()).collect();
-    let (embedding, spectrum) = Embedding::fit(&block, n, 3, 3).unwrap();
+    let (embedding, spectrum) = scaled(&block, 3).unwrap();
     check_relative("eigenvalues", &spectrum.eigenvalues[..3], &golden.f64s("landmarks/eigenvalues"), 1e-5);
     check_up_to_sign(&embed_all(&embedding, &delta), &golden.f64s("landmarks/coordinates"), 3, 1e-5);
 }
@@ -230,7 +236,7 @@ fn new_points_embed_where_scikit_learns_transform_puts_them() {
     let k = golden.integers("n_neighbors")[0];
     let all: Vec<u32> = (0..known.len() as u32).collect();
     let geodesics = Geodesics::measure(&union_graph(known, k), &all, &mut |_| ());
-    let (embedding, spectrum) = Embedding::fit(&squared(geodesics.lengths()), known.len(), 3, 3).unwrap();
+    let (embedding, spectrum) = scaled(&squared(geodesics.lengths()), 3).unwrap();
     check_relative(
         "eigenvalues",
         &spectrum.eigenvalues[..3],
