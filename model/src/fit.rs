@@ -1,5 +1,7 @@
 //! Fits a model to the frames of a trip: response, neighbours, graph, geodesics, scaling, mixture, in this order.
 
+use rayon::prelude::*;
+
 use crate::array::Array;
 use crate::autocorrelation::n_frames_effective;
 use crate::em::{EmError, EmFit, fit_mixture};
@@ -9,6 +11,7 @@ use crate::geodesics::Geodesics;
 use crate::graph::Graph;
 use crate::intrinsic_dims::{IntrinsicDims, N_NEIGHBORS_USED};
 use crate::landmarks;
+use crate::lengths::Lengths;
 use crate::mds::{Embedding, MdsError};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
 use crate::neighborhood::{N_NEIGHBORS_TRIED_MAX, chosen, try_neighbors};
@@ -150,8 +153,8 @@ fn fit_frames(
     };
     let n_neighbors = find_neighbors(&frames, &lists, &landmarks, plan, &mut provenance, progress);
 
-    let metric = match plan.method {
-        Method::Isomap => Metric::Geodesic(measure_geodesics(
+    let lengths = match plan.method {
+        Method::Isomap => Lengths::Geodesic(measure_geodesics(
             &frames,
             &lists,
             n_neighbors,
@@ -159,10 +162,10 @@ fn fit_frames(
             &mut provenance,
             progress,
         )),
-        Method::Pca => Metric::Euclidean,
+        Method::Pca => Lengths::euclidean(&frames, &landmarks),
     };
     progress(Step::Embedding, 0, 1);
-    let (embedding, coordinates) = embed(&frames, &landmarks, &metric, plan, &mut provenance)?;
+    let (embedding, coordinates) = embed(&lengths, &landmarks, plan, &mut provenance)?;
     progress(Step::Embedding, 1, 1);
     let em = find_kinds(&coordinates, embedding.n_dims(), plan, &mut provenance, progress)?;
 
@@ -179,7 +182,7 @@ fn fit_frames(
         response,
         frames,
         landmarks: landmarks.into(),
-        geodesics: metric.into_geodesics(),
+        geodesics: lengths.into_geodesics(),
         embedding,
         coordinates,
         mixture: em.mixture,
@@ -209,31 +212,6 @@ fn check_counts(plan: &FitPlan, n_frames: usize) -> Result<(), FitError> {
         return Err(EmError::TooFewFrames { n_frames, n_kinds }.into());
     }
     Ok(())
-}
-
-/// Lengths from frames to landmarks, by the method.
-enum Metric {
-    Geodesic(Geodesics),
-    Euclidean,
-}
-
-impl Metric {
-    /// Squared length from a frame to the landmark in a lane, counts².
-    fn squared(&self, frames: &Frames, frame_index: usize, lane: usize, landmark: u32) -> f64 {
-        match self {
-            Self::Geodesic(geodesics) => f64::from(geodesics.row(frame_index)[lane]).powi(2),
-            Self::Euclidean => {
-                squared_distance(frames.row(frame_index), frames.row(landmark as usize)) as f64
-            }
-        }
-    }
-
-    fn into_geodesics(self) -> Option<Geodesics> {
-        match self {
-            Self::Geodesic(geodesics) => Some(geodesics),
-            Self::Euclidean => None,
-        }
-    }
 }
 
 /// The number of neighbours that the plan asks for or the evidence speaks for.
@@ -274,20 +252,13 @@ fn measure_geodesics(
 
 /// Scales the landmarks and embeds every frame. Returns the embedding, and coordinates of shape `(n_frames, n_dims)`.
 fn embed(
-    frames: &Frames,
+    lengths: &Lengths,
     landmarks: &[u32],
-    metric: &Metric,
     plan: &FitPlan,
     provenance: &mut Provenance,
 ) -> Result<(Embedding, Array<f64>), FitError> {
-    let (n_frames, n_landmarks) = (frames.n_frames(), landmarks.len());
-    // δ of every frame, shape (n_frames, n_landmarks).
-    let mut squared = Vec::with_capacity(n_frames * n_landmarks);
-    for frame_index in 0..n_frames {
-        let lanes = landmarks.iter().enumerate();
-        squared.extend(lanes.map(|(lane, &landmark)| metric.squared(frames, frame_index, lane, landmark)));
-    }
-    let between = |i: usize, j: usize| squared[landmarks[i] as usize * n_landmarks + j];
+    let (n_frames, n_landmarks) = (lengths.n_frames(), landmarks.len());
+    let between = |i: usize, j: usize| lengths.squared(landmarks[i] as usize, j);
     // Where all are at the first one's place, all are at one place.
     if (0..n_landmarks).all(|lane| between(0, lane) == 0.0) {
         return Err(FitError::AllEqual { n_frames });
@@ -298,12 +269,14 @@ fn embed(
     provenance.eigenvalues = spectrum.eigenvalues.iter().take(n_dims_max).copied().collect();
 
     let mut coordinates = vec![0.0; n_frames * embedding.n_dims()];
-    for (place, delta) in
-        coordinates.chunks_exact_mut(embedding.n_dims()).zip(squared.chunks_exact(n_landmarks))
-    {
-        embedding.embed(delta, place);
-    }
-    let length = |frame_index: usize, lane: usize| squared[frame_index * n_landmarks + lane].sqrt();
+    coordinates.par_chunks_exact_mut(embedding.n_dims()).enumerate().for_each_init(
+        || vec![0.0; n_landmarks],
+        |delta, (frame_index, place)| {
+            lengths.squared_row(frame_index, delta);
+            embedding.embed(delta, place);
+        },
+    );
+    let length = |frame_index, lane| lengths.length(frame_index, lane);
     provenance.residual_variance = residual_variance(&coordinates, embedding.n_dims(), landmarks, length);
 
     let curve = &provenance.residual_variance;

@@ -3,8 +3,13 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use rayon::prelude::*;
+
 use crate::array::Array;
 use crate::graph::Graph;
+
+/// Landmarks that are measured side by side before their lengths go where they belong: a cache line of every frame's row.
+const N_LANDMARKS_AT_A_TIME: usize = 16;
 
 /// G, shape `(n_frames, n_landmarks)`, counts. The row of a frame stands together: that is how a new frame reads it.
 #[derive(Clone, Debug)]
@@ -33,20 +38,25 @@ impl Geodesics {
     /// Path lengths are sums of `f32` rounded edge by edge. Since such addition is monotone, the result is the one
     /// fixpoint of `G[v] = min over neighbours u of (G[u] + length)`: any other algorithm must reach the same bits.
     ///
-    /// * `done` — told the number of landmarks finished
+    /// * `done` — told the number of landmarks finished, now and then
     ///
-    /// Lengths to frames on other islands are infinite. O(n_landmarks · n_edges · log n_frames).
+    /// Lengths to frames on other islands are infinite. O(n_landmarks · n_edges · log n_frames), landmarks side by side on
+    /// the threads of whoever calls.
     pub fn measure(graph: &Graph, landmarks: &[u32], done: &mut dyn FnMut(usize)) -> Self {
         let (n_frames, n_landmarks) = (graph.n_frames(), landmarks.len());
         let mut lengths = vec![f32::INFINITY; n_frames * n_landmarks];
-        let mut from_landmark = vec![f32::INFINITY; n_frames];
-        let mut queue = BinaryHeap::new();
-        for (lane, &landmark) in landmarks.iter().enumerate() {
-            shortest_paths(graph, landmark, &mut from_landmark, &mut queue);
-            for (frame_index, &length) in from_landmark.iter().enumerate() {
-                lengths[frame_index * n_landmarks + lane] = length;
+        for (batch, sources) in landmarks.chunks(N_LANDMARKS_AT_A_TIME).enumerate() {
+            let lanes: Vec<Vec<f32>> = sources
+                .par_iter()
+                .map_init(BinaryHeap::new, |queue, &from| paths(graph, from, queue))
+                .collect();
+            let first = batch * N_LANDMARKS_AT_A_TIME;
+            for (frame_index, row) in lengths.chunks_exact_mut(n_landmarks).enumerate() {
+                for (length, lane) in row[first..].iter_mut().zip(&lanes) {
+                    *length = lane[frame_index];
+                }
             }
-            done(lane + 1);
+            done(first + sources.len());
         }
         Self::new(n_landmarks, lengths)
     }
@@ -88,15 +98,11 @@ impl Geodesics {
     }
 }
 
-/// Dijkstra from one vertex. The queue is empty before and after; it is passed in to keep its memory.
-fn shortest_paths(
-    graph: &Graph,
-    source: u32,
-    lengths: &mut [f32],
-    queue: &mut BinaryHeap<Reverse<(u32, u32)>>,
-) {
+/// Shortest lengths from one vertex to all, by Dijkstra's algorithm. The queue is empty before and after; it is passed in to
+/// keep its memory.
+fn paths(graph: &Graph, source: u32, queue: &mut BinaryHeap<Reverse<(u32, u32)>>) -> Vec<f32> {
     // Lengths are never negative, so their bits order as they do.
-    lengths.fill(f32::INFINITY);
+    let mut lengths = vec![f32::INFINITY; graph.n_frames()];
     lengths[source as usize] = 0.0;
     queue.push(Reverse((0.0_f32.to_bits(), source)));
     while let Some(Reverse((bits, vertex))) = queue.pop() {
@@ -112,6 +118,7 @@ fn shortest_paths(
             }
         }
     }
+    lengths
 }
 
 #[cfg(test)]

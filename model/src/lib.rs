@@ -48,6 +48,7 @@ pub mod geodesics;
 pub mod graph;
 pub mod intrinsic_dims;
 pub mod landmarks;
+mod lengths;
 pub mod mds;
 pub mod mixture;
 mod model;

@@ -14,8 +14,6 @@
 //! bridges are among the other's: what a minimum spanning set leaves out is the longest edge of some round, and stays that
 //! when frames are merged. So islands are joined once, at the fewest neighbours that are tried.
 
-use rayon::prelude::*;
-
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::graph::{Edge, Graph};
@@ -23,7 +21,6 @@ use crate::mds::Embedding;
 use crate::model::NeighborsTrial;
 use crate::neighbors::{NeighborLists, squared_distance};
 use crate::residual_variance::{N_DIMS_BEYOND_ELBOW, N_DIMS_REPORTED, TOLERANCE, elbow, residual_variance};
-use crate::tally::Tally;
 
 /// Most neighbours that are tried.
 pub const N_NEIGHBORS_TRIED_MAX: usize = 30;
@@ -49,8 +46,7 @@ const SHORT_CIRCUIT_RISE: f64 = 2.0;
 /// frames on one island, and each above up to [`N_NEIGHBORS_TRIED_MAX`] or the length of the lists. Where none leaves as
 /// many frames on one island, as after trips to places that have nothing in common, the bridges alone count.
 ///
-/// Geodesics are measured from at most a hundred of the landmarks. All numbers are measured side by side on the threads of
-/// whoever calls; what comes out does not depend on how many those are.
+/// Geodesics are measured from at most a hundred of the landmarks.
 ///
 /// * `lists` — of at least one neighbour
 /// * `landmarks` — frame indices, at least one
@@ -63,7 +59,7 @@ pub fn try_neighbors(
     lists: &NeighborLists,
     landmarks: &[u32],
     n_dims: Option<usize>,
-    done: &mut (dyn FnMut(usize, usize) + Send),
+    done: &mut dyn FnMut(usize, usize),
 ) -> Vec<NeighborsTrial> {
     let most = lists.k().min(N_NEIGHBORS_TRIED_MAX);
     let fewest = fewest(lists, most);
@@ -74,18 +70,14 @@ pub fn try_neighbors(
     // By rising index, so that these are spread over the trip.
     let landmarks: Vec<u32> =
         (0..n_landmarks).map(|lane| landmarks[lane * landmarks.len() / n_landmarks]).collect();
-    let numbers: Vec<usize> = (fewest..=most).collect();
-    let mut told = |n_done| done(n_done, numbers.len());
-    let tally = Tally::new(&mut told);
-    let measured: Vec<Measured> = numbers
-        .par_iter()
-        .with_max_len(1)
-        .map(|&n_neighbors| {
-            let measured = Measured::new(lists, n_neighbors, &bridges, &landmarks);
-            tally.add();
-            measured
-        })
-        .collect();
+    let n_tried = most - fewest + 1;
+    // One after the other, each on all threads: side by side, each would hold its graph and geodesics.
+    let measure = |(index, n_neighbors)| {
+        let measured = Measured::new(lists, n_neighbors, &bridges, &landmarks);
+        done(index + 1, n_tried);
+        measured
+    };
+    let measured: Vec<Measured> = (fewest..=most).enumerate().map(measure).collect();
     let n_dims = n_dims.unwrap_or_else(|| common_elbow(&measured) + N_DIMS_BEYOND_ELBOW);
     measured.into_iter().map(|measured| measured.at(n_dims)).collect()
 }

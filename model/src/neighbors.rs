@@ -103,7 +103,9 @@ pub fn nearest_of_each(frames: &Frames, k: usize, done: &mut dyn FnMut(usize)) -
     // Rows are compared in tiles that stay in cache together: read plainly, 2000 frames of 19840 readings would come
     // from memory 2000 times.
     const TILE_BYTES: usize = 1 << 19;
-    let tile = (TILE_BYTES / (2 * frames.n_readings())).clamp(1, n_frames);
+    // Their distances to all frames must fit into memory too.
+    const N_DISTANCES: usize = 1 << 20;
+    let tile = (TILE_BYTES / (2 * frames.n_readings())).min(N_DISTANCES / n_frames).clamp(1, n_frames);
     let mut squared = vec![0; tile * n_frames];
     for first in (0..n_frames).step_by(tile) {
         let rows = first..n_frames.min(first + tile);

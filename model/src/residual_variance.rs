@@ -1,6 +1,11 @@
 //! Residual variance: how much of the geodesics an embedding of d dimensions leaves unexplained, and how many dimensions
 //! that speaks for.
 
+use rayon::prelude::*;
+
+/// Frames whose pairs are summed by one thread at a time. Fixed, so that sums do not depend on the number of threads.
+const N_FRAMES_AT_A_TIME: usize = 64;
+
 /// Dimensions that residual variance is computed for.
 pub const N_DIMS_REPORTED: usize = 30;
 
@@ -20,23 +25,31 @@ pub const TOLERANCE: f64 = 0.01;
 /// * `landmarks` — their frame indices, shape `(n_landmarks,)`
 /// * `geodesic` — length from a frame (by index) to a landmark (by place in `landmarks`)
 ///
-/// Returns shape `(n_dims,)`, each in 0…1. O(n_frames · n_landmarks · n_dims).
+/// Returns shape `(n_dims,)`, each in 0…1. O(n_frames · n_landmarks · n_dims), on the threads of whoever calls.
 pub fn residual_variance(
     coordinates: &[f64],
     n_dims: usize,
     landmarks: &[u32],
-    geodesic: impl Fn(usize, usize) -> f64,
+    geodesic: impl Fn(usize, usize) -> f64 + Sync,
 ) -> Vec<f64> {
-    let mut moments = Moments::new(n_dims);
-    for (frame_index, frame) in coordinates.chunks_exact(n_dims).enumerate() {
-        for (lane, &landmark) in
-            landmarks.iter().enumerate().filter(|(_, landmark)| **landmark as usize != frame_index)
-        {
-            let other = &coordinates[landmark as usize * n_dims..][..n_dims];
-            moments.add(geodesic(frame_index, lane), frame, other);
+    let of_some = |(some, places): (usize, &[f64])| {
+        let mut moments = Moments::new(n_dims);
+        for (index, frame) in places.chunks_exact(n_dims).enumerate() {
+            let frame_index = some * N_FRAMES_AT_A_TIME + index;
+            let others =
+                landmarks.iter().enumerate().filter(|(_, landmark)| **landmark as usize != frame_index);
+            for (lane, &landmark) in others {
+                let other = &coordinates[landmark as usize * n_dims..][..n_dims];
+                moments.add(geodesic(frame_index, lane), frame, other);
+            }
         }
-    }
-    moments.residual_variance()
+        moments
+    };
+    let parts: Vec<Moments> =
+        coordinates.par_chunks(N_FRAMES_AT_A_TIME * n_dims).enumerate().map(of_some).collect();
+    let mut all = Moments::new(n_dims);
+    parts.iter().for_each(|part| all.merge(part));
+    all.residual_variance()
 }
 
 /// Where the curve of residual variances bends, in dimensions: more of them explain little more.
@@ -108,6 +121,26 @@ impl Moments {
         }
     }
 
+    /// Takes in the pairs of another: Chan, Golub & LeVeque 1979, *Updating formulae and a pairwise algorithm for computing
+    /// sample variances*, eq. (2.1).
+    fn merge(&mut self, other: &Self) {
+        let n = self.n + other.n;
+        if n == 0.0 {
+            return;
+        }
+        let (share, weight) = (other.n / n, self.n * other.n / n);
+        let dx = other.mean_x - self.mean_x;
+        self.n = n;
+        self.mean_x += dx * share;
+        self.xx += other.xx + dx * dx * weight;
+        for dim in 0..self.y.len() {
+            let dy = other.mean_y[dim] - self.mean_y[dim];
+            self.mean_y[dim] += dy * share;
+            self.yy[dim] += other.yy[dim] + dy * dy * weight;
+            self.xy[dim] += other.xy[dim] + dx * dy * weight;
+        }
+    }
+
     fn residual_variance(&self) -> Vec<f64> {
         // Nothing is explained where one side does not vary.
         let r_squared = |(yy, xy): (&f64, &f64)| {
@@ -139,6 +172,33 @@ mod tests {
         assert_eq!(fewest_within_tolerance(&[0.8, 0.4, 0.058, 0.052, 0.05, 0.055]), 3);
         assert_eq!(fewest_within_tolerance(&[0.8, 0.4, 0.061, 0.052, 0.05, 0.055]), 4);
         assert_eq!(fewest_within_tolerance(&[0.3]), 1);
+    }
+
+    #[test]
+    fn many_frames_at_a_time_have_the_correlation_of_the_printed_formula() {
+        let n_frames = 3 * N_FRAMES_AT_A_TIME + 5;
+        let place = |index: usize| [(index * index % 101) as f64, (index * 37 % 89) as f64];
+        let coordinates: Vec<f64> = (0..n_frames).flat_map(place).collect();
+        let landmarks = [3, 70, 150];
+        let length = |frame: usize, lane: usize| ((frame + 13) * (lane + 5) % 97) as f64;
+        let found = residual_variance(&coordinates, 2, &landmarks, length);
+
+        let pairs: Vec<(f64, f64)> = (0..n_frames)
+            .flat_map(|frame| {
+                landmarks.iter().enumerate().map(move |(lane, &landmark)| (frame, lane, landmark))
+            })
+            .filter(|&(frame, _, landmark)| frame != landmark as usize)
+            .map(|(frame, lane, landmark)| {
+                let (a, b) = (place(frame), place(landmark as usize));
+                (length(frame, lane), (a[0] - b[0]).hypot(a[1] - b[1]))
+            })
+            .collect();
+        let mean = |of: fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / pairs.len() as f64;
+        let (x, y) = (mean(|pair| pair.0), mean(|pair| pair.1));
+        let moment =
+            |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|pair| of(pair.0 - x, pair.1 - y)).sum::<f64>();
+        let (xx, yy, xy) = (moment(&|a, _| a * a), moment(&|_, b| b * b), moment(&|a, b| a * b));
+        assert!((found[1] - (1.0 - xy * xy / (xx * yy))).abs() < 1e-12, "{found:?}");
     }
 
     #[test]
