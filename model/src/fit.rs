@@ -14,17 +14,13 @@ use crate::landmarks;
 use crate::lengths::Lengths;
 use crate::mds::{Embedding, MdsError};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
-use crate::neighborhood::{N_NEIGHBORS_TRIED_MAX, chosen, try_neighbors};
+use crate::neighborhood::{N_NEIGHBORS_TRIED_MAX, N_NEIGHBORS_USUAL, chosen, try_neighbors};
 use crate::neighbors::{NeighborLists, nearest_of_each, squared_distance};
 use crate::plan::{FitPlan, Method};
 use crate::residual_variance::{
     N_DIMS_BEYOND_ELBOW, N_DIMS_REPORTED, elbow, fewest_within_tolerance, residual_variance,
 };
 use crate::response::{Response, ResponseError};
-
-/// Neighbours that a new frame is compared with where there is no graph: its distance to the nearest is judged by that of
-/// reference frames to so many.
-const N_NEIGHBORS_WITHOUT_GRAPH: usize = 10;
 
 /// A part of the work, for whoever shows progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -225,7 +221,8 @@ fn find_neighbors(
 ) -> usize {
     match (plan.n_neighbors, plan.method) {
         (Some(n_neighbors), _) => n_neighbors,
-        (None, Method::Pca) => N_NEIGHBORS_WITHOUT_GRAPH.min(lists.k()),
+        // There is no graph; the distance of a new frame to the nearest is judged by that of reference frames to so many.
+        (None, Method::Pca) => N_NEIGHBORS_USUAL.min(lists.k()),
         (None, Method::Isomap) => {
             let mut done = |n_done, n_tried| progress(Step::Neighborhood, n_done, n_tried);
             provenance.neighbors_tried = try_neighbors(frames, lists, landmarks, plan.n_dims, &mut done);

@@ -43,7 +43,8 @@ pub struct FitPlan {
     pub response: ResponsePlan,
     /// Geodesic or Euclidean.
     pub method: Method,
-    /// ns. None: by evidence, the fewest that leave few frames beyond bridges and nearly the least residual variance.
+    /// ns. None: by evidence, the fewest from ten on that leave few frames beyond bridges and nearly the least residual
+    /// variance; fewer than ten only where so many make a short circuit.
     pub n_neighbors: Option<usize>,
     /// n; all frames if there are no more.
     pub n_landmarks: usize,

@@ -4,7 +4,9 @@ use std::f64::consts::PI;
 
 use kinds_model::graph::Graph;
 use kinds_model::intrinsic_dims::{N_NEIGHBORS_USED, maximum_likelihood, two_nn};
-use kinds_model::neighborhood::{N_NEIGHBORS_TRIED_MAX, chosen, runner_up, short_circuits, try_neighbors};
+use kinds_model::neighborhood::{
+    N_NEIGHBORS_TRIED_MAX, candidates, chosen, runner_up, short_circuits, try_neighbors,
+};
 use kinds_model::neighbors::{NeighborLists, nearest_of_each, squared_distance};
 use kinds_model::{
     EmPlan, FitPlan, Frames, LandmarkChoice, Method, Model, NeighborsTrial, Origin, ResponsePlan, Scale,
@@ -141,6 +143,25 @@ fn the_fewest_neighbours_near_the_least_residual_variance_are_chosen_and_the_lea
     );
     assert_eq!(short_circuits(&[trial(5, 0.1, 90.0), trial(6, 0.201, 90.0)]), [1]);
     assert_eq!(short_circuits(&[]), [0; 0]);
+}
+
+#[test]
+fn the_usual_number_is_the_fewest_that_is_chosen_unless_it_makes_a_short_circuit() {
+    let check = |residual_variances: &[f64], expected: &[usize], best: usize| {
+        let trials: Vec<_> = (8..)
+            .zip(residual_variances)
+            .map(|(n_neighbors, &share)| trial(n_neighbors, share, 90.0))
+            .collect();
+        assert_eq!(numbers(candidates(&trials)), expected, "{residual_variances:?}");
+        assert_eq!(chosen(&trials).unwrap().n_neighbors, best, "{residual_variances:?}");
+    };
+    // The thread of a trip: the fewer neighbours, the more nearly a line.
+    check(&[0.01, 0.012, 0.03, 0.028, 0.035], &[10, 11, 12], 10);
+    check(&[0.01, 0.012, 0.06, 0.055, 0.04], &[8, 9], 8);
+    check(&[0.01, 0.012, 0.02, 0.021, 0.06], &[10, 11], 10);
+    // Twice nearly nothing is nearly nothing.
+    check(&[0.001, 0.001, 0.003, 0.001, 0.006], &[10, 11, 12], 10);
+    check(&[0.3, 0.2], &[8, 9], 9);
 }
 
 #[test]

@@ -4,7 +4,7 @@ mod report;
 
 use std::path::{Path, PathBuf};
 
-use kinds_model::neighborhood::{chosen, runner_up, short_circuits};
+use kinds_model::neighborhood::{candidates, chosen, runner_up, short_circuits};
 use kinds_model::residual_variance::TOLERANCE;
 use kinds_model::{IntrinsicDims, KindsTrial, Manifest, Method, Model, NeighborsTrial, Scale};
 use kinds_trainer::report::kinds_agreement;
@@ -161,13 +161,13 @@ pub(crate) fn choices(model: &Model) -> Vec<String> {
 
 /// The number of neighbours that was chosen, its runner-up, and where there may be short circuits.
 fn neighbors_choice(tried: &[NeighborsTrial]) -> Option<String> {
-    let best = chosen(tried)?;
+    let (best, candidates) = (chosen(tried)?, candidates(tried));
     let mut line = format!(
         "neighbours: {}, the fewest of {} to {} whose residual variance is within {TOLERANCE} of the least: {:.4} in {} \
          dimensions",
         best.n_neighbors,
-        tried[0].n_neighbors,
-        tried[tried.len() - 1].n_neighbors,
+        candidates[0].n_neighbors,
+        candidates[candidates.len() - 1].n_neighbors,
         best.residual_variance,
         best.n_dims,
     );

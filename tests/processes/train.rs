@@ -162,16 +162,18 @@ fn the_number_of_neighbours_is_chosen_and_both_train_and_inspect_say_why() {
     let n_neighbors = &inspection["n_neighbors"];
     let tried = inspection["provenance"]["neighbors_tried"].as_array().unwrap();
     let number = |trial: &Value, field: &str| trial[field].as_f64().unwrap();
-    let mut ranked: Vec<&Value> = tried.iter().collect();
+    // Nothing doubles here, so only the number itself says what is chosen from.
+    let candidates: Vec<&Value> = tried.iter().filter(|trial| number(trial, "n_neighbors") >= 10.0).collect();
+    let mut ranked = candidates.clone();
     ranked.sort_by(|a, b| number(a, "residual_variance").total_cmp(&number(b, "residual_variance")));
     let least = number(ranked[0], "residual_variance");
-    let best = tried.iter().find(|trial| number(trial, "residual_variance") <= least + 0.01).unwrap();
+    let best = candidates.iter().find(|trial| number(trial, "residual_variance") <= least + 0.01).unwrap();
     assert_eq!(best["n_neighbors"], *n_neighbors);
     let second = ranked.iter().find(|trial| trial["n_neighbors"] != *n_neighbors).unwrap();
     let beginning = format!(
         "neighbours: {n_neighbors}, the fewest of {} to 30 whose residual variance is within 0.01 of the least: {:.4} in 3 \
          dimensions; {:.4} with {}",
-        tried[0]["n_neighbors"],
+        candidates[0]["n_neighbors"],
         number(best, "residual_variance"),
         number(second, "residual_variance"),
         second["n_neighbors"],
@@ -197,7 +199,9 @@ fn the_number_of_neighbours_is_chosen_and_both_train_and_inspect_say_why() {
             format!("{:.0}", number(trial, "median_geodesic")),
         ];
         assert_eq!(words[..5], expected, "{line}");
-        assert_eq!(line.contains('*'), number(trial, "residual_variance") == least, "{line}");
+        let least_of_all =
+            tried.iter().map(|trial| number(trial, "residual_variance")).fold(f64::INFINITY, f64::min);
+        assert_eq!(line.contains('*'), number(trial, "residual_variance") == least_of_all, "{line}");
         assert_eq!(line.ends_with(" ←"), trial["n_neighbors"] == *n_neighbors, "{line}");
         if line.contains(" short circuit?") {
             flagged.push(expected[0].clone());

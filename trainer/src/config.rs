@@ -23,8 +23,8 @@ pub struct Config {
     pub offset_m: Option<f64>,
     /// Isomap, PCA, or both of them side by side. Default: Isomap.
     pub method: Option<MethodChoice>,
-    /// Neighbours in the graph, at least 1. Default: the fewest that leave few frames beyond bridges and a residual
-    /// variance within 0.01 of the least of all up to 30.
+    /// Neighbours in the graph, at least 1. Default: the fewest of 10 to 30 that leave few frames beyond bridges and
+    /// a residual variance within 0.01 of the least; fewer than 10 where so many make a short circuit.
     pub neighbors: Option<usize>,
     /// Landmarks: all, a count of at least 1, or a share such as "25%". Default: 1000, or all frames if there are fewer.
     pub landmarks: Option<LandmarkNumber>,
