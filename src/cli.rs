@@ -9,7 +9,7 @@ use kinds_driver_shim::Pace;
 use kinds_driver_shim::simulated::Floor;
 use kinds_messages::{Domain, SensorName};
 use kinds_model::{Covariance, LandmarkChoice, Scale};
-use kinds_trainer::{Config, LandmarkNumber, MethodChoice};
+use kinds_trainer::{Config, LandmarkNumber, MethodChoice, MetricChoice};
 use kinds_trips::Selection;
 
 use crate::owner::Joined;
@@ -118,6 +118,10 @@ pub(crate) struct TrainArguments {
     /// Offset of the log and inverse scales, metres [default: 0.3]
     #[arg(long, value_name = "M")]
     offset_m: Option<f64>,
+    /// How far apart frames are: euclidean; ring: at the nearest turn, each row of the sensor being a ring; rings:N: the same
+    /// with N rings. Weights are given in the configuration file [default: euclidean]
+    #[arg(long, value_name = "euclidean|ring|rings:N")]
+    metric: Option<MetricChoice>,
     /// How distances between frames become coordinates; both: M.kinds is Isomap's, M.pca.kinds and M.pca-matched.kinds
     /// are PCA's, of its own and of Isomap's size [default: isomap]
     #[arg(long, value_enum)]
@@ -317,6 +321,8 @@ enum MethodName {
     Isomap,
     /// Euclidean distances: principal component analysis
     Pca,
+    /// No embedding: kinds of the readings as they are, of sensors with up to 32
+    Native,
     /// One after the other, to compare
     Both,
 }
@@ -355,9 +361,11 @@ impl TrainArguments {
             range_m_max: self.range_m_max,
             invalid_range_m: self.invalid_range_m,
             offset_m: self.offset_m,
+            metric: self.metric.clone(),
             method: self.method.map(|name| match name {
                 MethodName::Isomap => MethodChoice::Isomap,
                 MethodName::Pca => MethodChoice::Pca,
+                MethodName::Native => MethodChoice::Native,
                 MethodName::Both => MethodChoice::Both,
             }),
             neighbors: self.neighbors,

@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use crate::metric::{AnyMetric, Metric};
 use crate::mixture::most_probable;
 use crate::model::Model;
 use crate::neighbors::{Neighbor, nearest, squared_distances};
+use crate::plan::Method;
 
 /// Whether a frame could be classified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,11 +40,17 @@ pub struct Classification {
 /// Classifies frames with one model. Holds all memory that it needs: classifying allocates nothing.
 pub struct Classifier {
     model: Arc<Model>,
+    frame: MeasuredFrame,
+    classification: Classification,
+}
+
+/// How far one frame is from what the model keeps.
+struct MeasuredFrame {
     /// The frame on the response's scale, shape `(n_readings,)`.
     mapped: Vec<u16>,
-    /// Its nearest reference frames, shape `(n_neighbors,)`.
+    /// Its nearest reference frames: with geodesics, shape `(n_neighbors,)`; in native space, the nearest one.
     nearest: Vec<Neighbor>,
-    /// To all reference frames, shape `(n_frames,)`, counts². Empty where distances are not Euclidean.
+    /// To all reference frames, shape `(n_frames,)`, counts². Empty where straight distances are not embedded.
     squared_distances: Vec<u64>,
     /// To the nearest reference frame, counts².
     squared_to_nearest: u64,
@@ -50,28 +58,19 @@ pub struct Classifier {
     lengths: Vec<f32>,
     /// δ, shape `(n_landmarks,)`, counts².
     squared_geodesics: Vec<f64>,
-    classification: Classification,
 }
 
 impl Classifier {
     /// Prepares to classify with a model.
     pub fn new(model: Arc<Model>) -> Self {
-        let plan = &model.manifest().plan;
-        let none = Neighbor { squared_distance: 0, frame_index: 0 };
-        let is_euclidean = model.geodesics().is_none();
         Self {
-            mapped: vec![0; plan.sensor.n_readings()],
-            nearest: vec![none; model.manifest().n_neighbors],
-            squared_distances: vec![0; if is_euclidean { model.frames().n_frames() } else { 0 }],
-            squared_to_nearest: 0,
-            lengths: vec![0.0; plan.n_landmarks],
-            squared_geodesics: vec![0.0; plan.n_landmarks],
+            frame: MeasuredFrame::new(&model),
             classification: Classification {
                 status: Status::Invalid,
                 kind: 0,
                 n_invalid: 0,
                 probabilities: vec![0.0; model.mixture().n_kinds()],
-                coordinates: vec![0.0; model.embedding().n_dims()],
+                coordinates: vec![0.0; model.manifest().n_dims],
                 log_likelihood: f64::NAN,
                 novelty: 1.0,
             },
@@ -88,17 +87,22 @@ impl Classifier {
     ///
     /// * `counts` — raw counts, shape `(n_readings,)`
     ///
-    /// Equal counts and models give equal bits on every machine. Allocates nothing. O(n_frames · n_readings).
+    /// Equal counts and models give equal bits on every machine. Allocates nothing. O(n_frames) distances.
     ///
     /// # Panics
     /// If the number of readings is not the model's: whoever receives frames compares layouts before.
     pub fn classify(&mut self, counts: &[u16]) -> &Classification {
-        let n_invalid = self.model.response().map(counts, &mut self.mapped);
+        let n_invalid = self.model.response().map(counts, &mut self.frame.mapped);
         self.classification.n_invalid = n_invalid;
         if n_invalid == counts.len() {
             self.know_nothing();
         } else {
-            self.measure();
+            let Self { model, frame, .. } = self;
+            match model.metric() {
+                AnyMetric::Euclidean(metric) => frame.measure(model, metric),
+                AnyMetric::Weighted(metric) => frame.measure(model, metric),
+                AnyMetric::Ring(metric) => frame.measure(model, metric),
+            }
             self.locate();
         }
         self.classification.kind = most_probable(&self.classification.probabilities);
@@ -114,12 +118,54 @@ impl Classifier {
         classification.novelty = 1.0;
     }
 
-    /// Fills δ (squared shortest lengths to the landmarks, or squared distances) and finds the nearest reference frame.
-    fn measure(&mut self) {
-        let frames = self.model.frames();
-        match self.model.geodesics() {
-            Some(geodesics) => {
-                nearest(frames, &self.mapped, &mut self.nearest);
+    /// From δ to coordinates, probabilities and novelty.
+    fn locate(&mut self) {
+        let classification = &mut self.classification;
+        classification.status = Status::Classified;
+        match self.model.embedding() {
+            Some(embedding) => {
+                embedding.embed(&self.frame.squared_geodesics, &mut classification.coordinates);
+            }
+            None => classification
+                .coordinates
+                .iter_mut()
+                .zip(&self.frame.mapped)
+                .for_each(|(coordinate, &count)| *coordinate = f64::from(count)),
+        }
+        classification.log_likelihood =
+            self.model.mixture().posterior(&classification.coordinates, &mut classification.probabilities);
+        let radii = self.model.squared_radii();
+        let n_within = radii.partition_point(|radius| *radius < self.frame.squared_to_nearest);
+        classification.novelty = n_within as f64 / radii.len() as f64;
+    }
+}
+
+impl MeasuredFrame {
+    fn new(model: &Model) -> Self {
+        let none = Neighbor { squared_distance: 0, frame_index: 0 };
+        let n_landmarks = model.landmarks().len();
+        let (n_nearest, n_distances) = match model.manifest().plan.method {
+            Method::Isomap => (model.manifest().n_neighbors, 0),
+            Method::Pca => (0, model.frames().n_frames()),
+            Method::Native => (1, 0),
+        };
+        Self {
+            mapped: vec![0; model.layout().n_readings()],
+            nearest: vec![none; n_nearest],
+            squared_distances: vec![0; n_distances],
+            squared_to_nearest: 0,
+            lengths: vec![0.0; n_landmarks],
+            squared_geodesics: vec![0.0; n_landmarks],
+        }
+    }
+
+    /// Fills δ (squared shortest lengths to the landmarks, or squared distances; nothing in native space) and finds how far the
+    /// nearest reference frame is.
+    fn measure(&mut self, model: &Model, metric: &impl Metric) {
+        let frames = model.frames();
+        match (model.geodesics(), model.embedding()) {
+            (Some(geodesics), _) => {
+                nearest(frames, metric, &self.mapped, &mut self.nearest);
                 let nearest = self.nearest.iter().map(|near| (near.frame_index, near.distance()));
                 geodesics.through(nearest, &mut self.lengths);
                 for (squared, &length) in self.squared_geodesics.iter_mut().zip(&self.lengths) {
@@ -127,25 +173,17 @@ impl Classifier {
                 }
                 self.squared_to_nearest = self.nearest[0].squared_distance;
             }
-            None => {
-                squared_distances(frames, &self.mapped, &mut self.squared_distances);
-                for (squared, &landmark) in self.squared_geodesics.iter_mut().zip(self.model.landmarks()) {
+            (None, Some(_)) => {
+                squared_distances(frames, metric, &self.mapped, &mut self.squared_distances);
+                for (squared, &landmark) in self.squared_geodesics.iter_mut().zip(model.landmarks()) {
                     *squared = self.squared_distances[landmark as usize] as f64;
                 }
                 self.squared_to_nearest = self.squared_distances.iter().copied().min().unwrap_or(u64::MAX);
             }
+            (None, None) => {
+                nearest(frames, metric, &self.mapped, &mut self.nearest);
+                self.squared_to_nearest = self.nearest[0].squared_distance;
+            }
         }
-    }
-
-    /// From δ to coordinates, probabilities and novelty.
-    fn locate(&mut self) {
-        let classification = &mut self.classification;
-        classification.status = Status::Classified;
-        self.model.embedding().embed(&self.squared_geodesics, &mut classification.coordinates);
-        classification.log_likelihood =
-            self.model.mixture().posterior(&classification.coordinates, &mut classification.probabilities);
-        let radii = self.model.squared_radii();
-        let n_within = radii.partition_point(|radius| *radius < self.squared_to_nearest);
-        classification.novelty = n_within as f64 / radii.len() as f64;
     }
 }

@@ -17,6 +17,7 @@ use crate::array::Array;
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::mds::Embedding;
+use crate::metric::MetricError;
 use crate::mixture::{Mixture, MixtureError};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX};
 use crate::plan::Method;
@@ -87,6 +88,9 @@ pub enum ModelFileError {
         /// What is wrong, in words.
         what: &'static str,
     },
+    /// A metric that does not fit the sensor.
+    #[error("the model does not fit its own sensor; train anew: {0}")]
+    Metric(#[from] MetricError),
     /// Kinds that cannot be.
     #[error(transparent)]
     Mixture(#[from] MixtureError),
@@ -194,15 +198,20 @@ fn arrays(model: &Model) -> Vec<NamedArray<'_>> {
     let mut arrays = vec![
         array("frames", Dtype::U16, &[n_frames, plan.sensor.n_readings()], model.frames.counts()),
         array("response", Dtype::U16, &[TABLE_LEN], model.response.table()),
-        array("landmarks", Dtype::U32, &[n_landmarks], &model.landmarks),
-        array("projection", Dtype::F64, &[n_landmarks, n_dims], model.embedding.projection()),
-        array("mean_squared_geodesics", Dtype::F64, &[n_landmarks], model.embedding.mean_squared_geodesics()),
         array("coordinates", Dtype::F64, &[n_frames, n_dims], &model.coordinates),
         array("weights", Dtype::F64, &[n_kinds], model.mixture.weights()),
         array("means", Dtype::F64, &[n_kinds, n_dims], model.mixture.means()),
         array("covariances", Dtype::F64, &[n_kinds, n_dims, n_dims], model.mixture.covariances()),
         array("squared_radii", Dtype::U64, &[n_frames], &model.squared_radii),
     ];
+    if let Some(embedding) = &model.embedding {
+        let (projection, means) = (embedding.projection(), embedding.mean_squared_geodesics());
+        arrays.extend([
+            array("landmarks", Dtype::U32, &[n_landmarks], &model.landmarks),
+            array("projection", Dtype::F64, &[n_landmarks, n_dims], projection),
+            array("mean_squared_geodesics", Dtype::F64, &[n_landmarks], means),
+        ]);
+    }
     if let Some(geodesics) = &model.geodesics {
         arrays.push(array("geodesics", Dtype::F32, &[n_frames, n_landmarks], geodesics.lengths()));
     }
@@ -244,25 +253,33 @@ impl File<'_> {
         }
         let geodesics = match plan.method {
             Method::Isomap => Some(self.array("geodesics", Dtype::F32, &[n_frames, n_landmarks])?),
-            Method::Pca => None,
+            Method::Pca | Method::Native => None,
+        };
+        let (landmarks, embedding) = match plan.method {
+            Method::Native => (Vec::new().into(), None),
+            _ => {
+                let embedding = Embedding::from_parts(
+                    n_dims,
+                    self.array("projection", Dtype::F64, &[n_landmarks, n_dims])?,
+                    self.array("mean_squared_geodesics", Dtype::F64, &[n_landmarks])?,
+                );
+                let what = "projection does not fit its landmarks";
+                let embedding = embedding.ok_or(ModelFileError::Contents { what })?;
+                (self.array("landmarks", Dtype::U32, &[n_landmarks])?, Some(embedding))
+            }
         };
         let response = Response::from_table(self.array("response", Dtype::U16, &[TABLE_LEN])?);
-        let embedding = Embedding::from_parts(
-            n_dims,
-            self.array("projection", Dtype::F64, &[n_landmarks, n_dims])?,
-            self.array("mean_squared_geodesics", Dtype::F64, &[n_landmarks])?,
-        );
         let mut model = Model {
             id: ModelId([0; 16]),
+            metric: plan.metric.compile(plan.sensor)?,
             response: response.ok_or(ModelFileError::Contents { what: "response has not 65,536 entries" })?,
             frames: Frames::new(
                 n_readings,
                 self.array::<u16>("frames", Dtype::U16, &[n_frames, n_readings])?,
             ),
-            landmarks: self.array("landmarks", Dtype::U32, &[n_landmarks])?,
+            landmarks,
             geodesics: geodesics.map(|lengths: Array<f32>| Geodesics::new(n_landmarks, lengths)),
-            embedding: embedding
-                .ok_or(ModelFileError::Contents { what: "projection does not fit its landmarks" })?,
+            embedding,
             coordinates: self.array("coordinates", Dtype::F64, &[n_frames, n_dims])?,
             mixture: Mixture::new(
                 n_dims,
@@ -319,10 +336,14 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
             "geodesics are negative or not finite",
         ),
         (
-            finite(model.embedding.projection())
-                && finite(model.embedding.mean_squared_geodesics())
-                && finite(&model.coordinates),
+            model.embedding.iter().all(|embedding| {
+                finite(embedding.projection()) && finite(embedding.mean_squared_geodesics())
+            }) && finite(&model.coordinates),
             "embedding is not finite",
+        ),
+        (
+            model.embedding.is_some() || *n_dims == plan.sensor.n_readings(),
+            "native space has not one dimension for each reading",
         ),
         (model.squared_radii.is_sorted(), "neighbourhood radii do not ascend"),
     ];
@@ -338,6 +359,7 @@ mod tests {
     use crate::em::EmPlan;
     use crate::fit::fit;
     use crate::frames::SensorLayout;
+    use crate::metric::MetricPlan;
     use crate::model::Origin;
     use crate::plan::{FitPlan, LandmarkChoice};
     use crate::response::{ResponsePlan, Scale};
@@ -347,6 +369,7 @@ mod tests {
         let plan = FitPlan {
             sensor: SensorLayout { rows: 1, columns: 3, metres_per_count: 0.001 },
             response: ResponsePlan::new(Scale::Range, 4.0),
+            metric: MetricPlan::Euclidean,
             method: Method::Pca,
             n_neighbors: Some(4),
             n_landmarks: 30,
@@ -385,8 +408,29 @@ mod tests {
             "the model's sensor has no unit; train anew"
         );
         assert_eq!(
+            refuse(|manifest| manifest.plan.metric = MetricPlan::Weighted(vec![1.0; 2])),
+            "the model does not fit its own sensor; train anew: metric: 2 weights were given and the sensor has 3 readings; \
+             give one weight for each"
+        );
+        assert_eq!(
+            refuse(|manifest| manifest.plan.metric = MetricPlan::Ring { n_rings: 2 }),
+            "the model does not fit its own sensor; train anew: metric: 1 × 3 readings are not 2 rings of equal length, each \
+             within a row and of at least 2 readings; ask for another number of rings"
+        );
+        assert_eq!(
             refuse(|manifest| manifest.n_neighbors = 0),
             "the model's manifest announces none of something that it needs; train anew"
+        );
+    }
+
+    #[test]
+    fn native_space_of_other_dimensions_than_readings_is_refused_in_words() {
+        let mut model = model();
+        (model.landmarks, model.embedding) = (Vec::new().into(), None);
+        model.manifest.plan.method = Method::Native;
+        assert_eq!(
+            from_bytes(&Bytes::from(to_bytes(&model))).unwrap_err().to_string(),
+            "the model's native space has not one dimension for each reading; train anew"
         );
     }
 

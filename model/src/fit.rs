@@ -13,14 +13,19 @@ use crate::intrinsic_dims::{IntrinsicDims, N_NEIGHBORS_USED};
 use crate::landmarks;
 use crate::lengths::Lengths;
 use crate::mds::{Embedding, MdsError};
+use crate::metric::{AnyMetric, Metric, MetricError, MetricPlan};
+use crate::mixture::{Mixture, most_probable};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
 use crate::neighborhood::{N_NEIGHBORS_TRIED_MAX, N_NEIGHBORS_USUAL, chosen, try_neighbors};
-use crate::neighbors::{NeighborLists, nearest_of_each, squared_distance};
-use crate::plan::{FitPlan, Method};
+use crate::neighbors::{NeighborLists, nearest_of_each};
+use crate::plan::{FitPlan, LandmarkChoice, Method};
 use crate::residual_variance::{
     N_DIMS_BEYOND_ELBOW, N_DIMS_REPORTED, elbow, fewest_within_tolerance, residual_variance,
 };
 use crate::response::{Response, ResponseError};
+
+/// Most readings that can be coordinates as they are.
+const N_READINGS_NATIVE_MAX: usize = N_DIMS_MAX;
 
 /// A part of the work, for whoever shows progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +52,8 @@ pub type Progress<'a> = dyn FnMut(Step, usize, usize) + Send + 'a;
 pub enum Size {
     /// As many as the model has: for a fair comparison.
     Matched,
+    /// As many kinds as the model has, neighbours as its plan asked for, and dimensions by evidence.
+    SameKinds,
     /// As many as the model's plan asked for, or where it left that to the evidence, as this speaks for.
     Own,
 }
@@ -80,6 +87,49 @@ pub enum FitError {
         /// Frames.
         n_frames: usize,
     },
+    /// Landmarks by means where there are none.
+    #[error(
+        "landmarks by k-means need means of frames, and frames that are compared at their nearest turn have none; choose \
+         random landmarks or the farthest"
+    )]
+    NoMeans,
+    /// Too many readings for a mixture over them.
+    #[error(
+        "native space is for sensors of at most {limit} readings and this one has {n_readings}: the full covariance of one kind \
+         would have {n_readings}·{}/2 = {} parameters, and there are {n_frames} frames; use isomap",
+        n_readings + 1,
+        n_readings * (n_readings + 1) / 2
+    )]
+    NativeReadings {
+        /// D.
+        n_readings: usize,
+        /// How many at most.
+        limit: usize,
+        /// Frames.
+        n_frames: usize,
+    },
+    /// Another number of dimensions than readings.
+    #[error(
+        "native space has a dimension for each of the {n_readings} readings and {n_dims} were asked for; ask for no number, or use \
+         isomap"
+    )]
+    NativeDims {
+        /// D.
+        n_readings: usize,
+        /// Dimensions asked for.
+        n_dims: usize,
+    },
+    /// A metric that would not be asked.
+    #[error(
+        "native space has no distances, so that kinds would not follow the metric: {metric}; use isomap or the euclidean metric"
+    )]
+    NativeMetric {
+        /// The metric in words.
+        metric: String,
+    },
+    /// No distances.
+    #[error(transparent)]
+    Metric(#[from] MetricError),
     /// No scale.
     #[error(transparent)]
     Response(#[from] ResponseError),
@@ -121,6 +171,7 @@ pub fn refit(model: &Model, method: Method, size: Size, progress: &mut Progress)
     let Manifest { plan, n_neighbors, n_dims, n_kinds, provenance, .. } = model.manifest();
     let (n_neighbors, n_dims, n_kinds) = match size {
         Size::Matched => (Some(*n_neighbors), Some(*n_dims), Some(*n_kinds)),
+        Size::SameKinds => (plan.n_neighbors, None, Some(*n_kinds)),
         Size::Own => (plan.n_neighbors, plan.n_dims, plan.n_kinds),
     };
     let plan = FitPlan { method, n_neighbors, n_dims, n_kinds, ..plan.clone() };
@@ -137,48 +188,33 @@ fn fit_frames(
 ) -> Result<Model, FitError> {
     let n_frames = frames.n_frames();
     check_counts(plan, n_frames)?;
-    // As many as anything asks for: those beyond ns cost next to nothing.
-    let n_listed = plan.n_neighbors.unwrap_or(N_NEIGHBORS_TRIED_MAX).max(N_NEIGHBORS_USED).min(n_frames - 1);
-    let lists = nearest_of_each(&frames, n_listed, &mut |done| progress(Step::Neighbors, done, n_frames));
-    let landmarks = landmarks::choose(&frames, plan.n_landmarks, plan.landmark_choice, plan.seed);
+    let metric = plan.metric.compile(plan.sensor)?;
     let mut provenance = Provenance {
         made_by: format!("natural-kinds {}", env!("CARGO_PKG_VERSION")),
         origin,
-        intrinsic_dims: IntrinsicDims::estimate(&lists),
         ..Default::default()
     };
-    let n_neighbors = find_neighbors(&frames, &lists, &landmarks, plan, &mut provenance, progress);
-
-    let lengths = match plan.method {
-        Method::Isomap => Lengths::Geodesic(measure_geodesics(
-            &frames,
-            &lists,
-            n_neighbors,
-            &landmarks,
-            &mut provenance,
-            progress,
-        )),
-        Method::Pca => Lengths::euclidean(&frames, &landmarks),
+    let located = match &metric {
+        AnyMetric::Euclidean(metric) => Located::by(metric, &frames, plan, &mut provenance, progress),
+        AnyMetric::Weighted(metric) => Located::by(metric, &frames, plan, &mut provenance, progress),
+        AnyMetric::Ring(metric) => Located::by(metric, &frames, plan, &mut provenance, progress),
     };
-    progress(Step::Embedding, 0, 1);
-    let (embedding, coordinates) = embed(&lengths, &landmarks, plan, &mut provenance)?;
-    progress(Step::Embedding, 1, 1);
-    let em = find_kinds(&coordinates, embedding.n_dims(), plan, &mut provenance, progress)?;
+    let Located { n_neighbors, landmarks, geodesics, embedding, coordinates, squared_radii } = located?;
+    let n_dims = coordinates.len() / n_frames;
+    let em = find_kinds(&coordinates, n_dims, plan, &mut provenance, progress)?;
 
-    let mut squared_radii: Vec<u64> =
-        lists.nearest(n_neighbors).map(|list| list[n_neighbors - 1].squared_distance).collect();
-    squared_radii.sort_unstable();
-    let plan = FitPlan { n_landmarks: landmarks.len(), ..plan.clone() };
-    let (n_dims, n_kinds) = (embedding.n_dims(), em.mixture.n_kinds());
+    let plan = FitPlan { n_landmarks: plan.n_landmarks.min(n_frames), ..plan.clone() };
+    let n_kinds = em.mixture.n_kinds();
     let format = crate::file::FORMAT;
     let manifest = Manifest { format, plan, n_frames, n_neighbors, n_dims, n_kinds, provenance };
     let mut model = Model {
         id: ModelId([0; 16]),
         manifest,
         response,
+        metric,
         frames,
         landmarks: landmarks.into(),
-        geodesics: lengths.into_geodesics(),
+        geodesics,
         embedding,
         coordinates,
         mixture: em.mixture,
@@ -207,12 +243,97 @@ fn check_counts(plan: &FitPlan, n_frames: usize) -> Result<(), FitError> {
     if n_frames < n_kinds {
         return Err(EmError::TooFewFrames { n_frames, n_kinds }.into());
     }
-    Ok(())
+    if plan.method == Method::Native {
+        return check_native(plan, n_frames);
+    }
+    match (&plan.metric, plan.landmark_choice) {
+        (MetricPlan::Ring { .. }, LandmarkChoice::KMeans) if plan.n_landmarks < n_frames => {
+            Err(FitError::NoMeans)
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_native(plan: &FitPlan, n_frames: usize) -> Result<(), FitError> {
+    let n_readings = plan.sensor.n_readings();
+    if n_readings > N_READINGS_NATIVE_MAX {
+        return Err(FitError::NativeReadings { n_readings, limit: N_READINGS_NATIVE_MAX, n_frames });
+    }
+    if let Some(n_dims) = plan.n_dims.filter(|n_dims| *n_dims != n_readings) {
+        return Err(FitError::NativeDims { n_readings, n_dims });
+    }
+    match plan.metric {
+        MetricPlan::Euclidean => Ok(()),
+        _ => Err(FitError::NativeMetric { metric: plan.metric.to_string() }),
+    }
+}
+
+/// All that follows from how far apart frames are.
+struct Located {
+    n_neighbors: usize,
+    /// None in native space.
+    landmarks: Vec<u32>,
+    /// Only by Isomap.
+    geodesics: Option<Geodesics>,
+    /// None in native space.
+    embedding: Option<Embedding>,
+    /// Shape `(n_frames, n_dims)`, counts.
+    coordinates: Array<f64>,
+    /// Ascending, counts².
+    squared_radii: Vec<u64>,
+}
+
+impl Located {
+    /// By a metric, for which its loops are compiled.
+    fn by(
+        metric: &impl Metric,
+        frames: &Frames,
+        plan: &FitPlan,
+        provenance: &mut Provenance,
+        progress: &mut Progress,
+    ) -> Result<Self, FitError> {
+        let n_frames = frames.n_frames();
+        // As many as anything asks for: those beyond ns cost next to nothing.
+        let n_listed =
+            plan.n_neighbors.unwrap_or(N_NEIGHBORS_TRIED_MAX).max(N_NEIGHBORS_USED).min(n_frames - 1);
+        let mut done = |n_done| progress(Step::Neighbors, n_done, n_frames);
+        let lists = nearest_of_each(frames, metric, n_listed, &mut done);
+        let landmarks = match plan.method {
+            Method::Native => Vec::new(),
+            _ => landmarks::choose(frames, metric, plan.n_landmarks, plan.landmark_choice, plan.seed),
+        };
+        provenance.intrinsic_dims = IntrinsicDims::estimate(&lists);
+        let n_neighbors = find_neighbors(frames, metric, &lists, &landmarks, plan, provenance, progress);
+        let lengths = match plan.method {
+            Method::Isomap => {
+                let graph = join(frames, metric, &lists, n_neighbors, provenance);
+                let mut done = |n_done| progress(Step::Geodesics, n_done, landmarks.len());
+                Some(Lengths::Geodesic(Geodesics::measure(&graph, &landmarks, &mut done)))
+            }
+            Method::Pca => Some(Lengths::straight(frames, metric, &landmarks)),
+            Method::Native => None,
+        };
+        let (embedding, coordinates) = match &lengths {
+            Some(lengths) => {
+                progress(Step::Embedding, 0, 1);
+                let (embedding, coordinates) = embed(lengths, &landmarks, plan, provenance)?;
+                progress(Step::Embedding, 1, 1);
+                (Some(embedding), coordinates)
+            }
+            None => (None, as_they_are(frames)?),
+        };
+        let geodesics = lengths.and_then(Lengths::into_geodesics);
+        let mut squared_radii: Vec<u64> =
+            lists.nearest(n_neighbors).map(|list| list[n_neighbors - 1].squared_distance).collect();
+        squared_radii.sort_unstable();
+        Ok(Self { n_neighbors, landmarks, geodesics, embedding, coordinates, squared_radii })
+    }
 }
 
 /// The number of neighbours that the plan asks for or the evidence speaks for.
 fn find_neighbors(
     frames: &Frames,
+    metric: &impl Metric,
     lists: &NeighborLists,
     landmarks: &[u32],
     plan: &FitPlan,
@@ -222,32 +343,35 @@ fn find_neighbors(
     match (plan.n_neighbors, plan.method) {
         (Some(n_neighbors), _) => n_neighbors,
         // There is no graph; the distance of a new frame to the nearest is judged by that of reference frames to so many.
-        (None, Method::Pca) => N_NEIGHBORS_USUAL.min(lists.k()),
+        (None, Method::Pca | Method::Native) => N_NEIGHBORS_USUAL.min(lists.k()),
         (None, Method::Isomap) => {
             let mut done = |n_done, n_tried| progress(Step::Neighborhood, n_done, n_tried);
-            provenance.neighbors_tried = try_neighbors(frames, lists, landmarks, plan.n_dims, &mut done);
+            provenance.neighbors_tried =
+                try_neighbors(frames, metric, lists, landmarks, plan.n_dims, &mut done);
             chosen(&provenance.neighbors_tried).expect("one number is tried at least").n_neighbors
         }
     }
 }
 
-fn measure_geodesics(
+/// The neighbour graph in one piece.
+fn join(
     frames: &Frames,
+    metric: &impl Metric,
     lists: &NeighborLists,
     n_neighbors: usize,
-    landmarks: &[u32],
     provenance: &mut Provenance,
-    progress: &mut Progress,
-) -> Geodesics {
+) -> Graph {
     let mut graph = Graph::union(lists, n_neighbors);
     provenance.islands = graph.islands().iter().map(Vec::len).collect();
-    let between = |a: u32, b: u32| squared_distance(frames.row(a as usize), frames.row(b as usize));
+    let between = |a: u32, b: u32| metric.squared_distance(frames.row(a as usize), frames.row(b as usize));
     provenance.bridges =
         graph.join_islands(between).iter().map(|bridge| (bridge.a, bridge.b, bridge.length)).collect();
-    Geodesics::measure(&graph, landmarks, &mut |done| progress(Step::Geodesics, done, landmarks.len()))
+    graph
 }
 
 /// Scales the landmarks and embeds every frame. Returns the embedding, and coordinates of shape `(n_frames, n_dims)`.
+///
+/// * `squared` — δ of every frame, shape `(n_frames, n_landmarks)`, counts²
 fn embed(
     lengths: &Lengths,
     landmarks: &[u32],
@@ -285,6 +409,15 @@ fn embed(
     Ok((embedding.truncated(n_dims), kept.into()))
 }
 
+/// Coordinates of native space, shape `(n_frames, n_readings)`.
+fn as_they_are(frames: &Frames) -> Result<Array<f64>, FitError> {
+    let n_frames = frames.n_frames();
+    if (1..n_frames).all(|index| frames.row(index) == frames.row(0)) {
+        return Err(FitError::AllEqual { n_frames });
+    }
+    Ok(frames.counts().iter().map(|&count| f64::from(count)).collect::<Vec<f64>>().into())
+}
+
 /// Fits the mixture, of as many kinds as the plan asks for or the evidence speaks for.
 fn find_kinds(
     coordinates: &[f64],
@@ -318,5 +451,17 @@ fn find_kinds(
     provenance.n_iterations = em.log_likelihoods.len() - 1;
     provenance.converged = em.converged;
     provenance.n_starts_collapsed = em.n_starts_collapsed;
+    provenance.largest_kind_share = largest_kind_share(coordinates, &em.mixture);
     Ok(em)
+}
+
+fn largest_kind_share(coordinates: &[f64], mixture: &Mixture) -> f64 {
+    let mut n_frames_of = vec![0_usize; mixture.n_kinds()];
+    let mut probabilities = vec![0.0; mixture.n_kinds()];
+    for place in coordinates.chunks_exact(mixture.n_dims()) {
+        mixture.posterior(place, &mut probabilities);
+        n_frames_of[most_probable(&probabilities)] += 1;
+    }
+    let n_frames: usize = n_frames_of.iter().sum();
+    n_frames_of.into_iter().max().unwrap_or(0) as f64 / n_frames as f64
 }

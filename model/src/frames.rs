@@ -15,9 +15,17 @@ pub struct SensorLayout {
 }
 
 impl SensorLayout {
+    /// Sensors with more rows are cameras.
+    pub const N_RING_ROWS_MAX: u32 = 4;
+
     /// D: readings in one frame.
     pub fn n_readings(&self) -> usize {
         self.rows as usize * self.columns as usize
+    }
+
+    /// Whether its rows are rings, whose last reading is beside their first: a camera's are not.
+    pub fn has_rings(&self) -> bool {
+        self.rows <= Self::N_RING_ROWS_MAX
     }
 }
 

@@ -158,7 +158,8 @@ mod tests {
 
     use super::*;
     use crate::frames::Frames;
-    use crate::neighbors::{nearest_of_each, squared_distance};
+    use crate::metric::{Euclidean, Metric};
+    use crate::neighbors::nearest_of_each;
 
     /// Two tight groups and a lone frame on a line.
     fn three_islands() -> (Frames, Graph) {
@@ -172,8 +173,8 @@ mod tests {
     fn islands_are_joined_by_one_bridge_less_than_there_are_islands_and_by_the_shortest() {
         let (frames, mut graph) = three_islands();
         assert_eq!(graph.islands(), [vec![0, 1, 2], vec![3, 4, 5], vec![6]]);
-        let bridges =
-            graph.join_islands(|a, b| squared_distance(frames.row(a as usize), frames.row(b as usize)));
+        let bridges = graph
+            .join_islands(|a, b| Euclidean.squared_distance(frames.row(a as usize), frames.row(b as usize)));
         assert_eq!(bridges, [Edge { a: 2, b: 3, length: 98.0 }, Edge { a: 5, b: 6, length: 198.0 }]);
         assert_eq!(graph.islands().len(), 1);
         assert_eq!(graph.n_edges(), 6);
@@ -191,8 +192,8 @@ mod tests {
         fn bridges_are_as_long_in_total_as_the_edges_prim_adds(counts in prop::collection::vec(0..2000_u16, 6..40)) {
             let frames = Frames::new(1, counts);
             let n = frames.n_frames();
-            let squared = |a: u32, b: u32| squared_distance(frames.row(a as usize), frames.row(b as usize));
-            let mut graph = Graph::union(&nearest_of_each(&frames, 2, &mut |_| ()), 2);
+            let squared = |a: u32, b: u32| Euclidean.squared_distance(frames.row(a as usize), frames.row(b as usize));
+            let mut graph = Graph::union(&nearest_of_each(&frames, &Euclidean, 2, &mut |_| ()), 2);
             // Second method: Prim over all frames, where edges that the graph has already cost nothing.
             let cost = |a: u32, b: u32| {
                 let linked = graph.neighbors(a).iter().any(|&(to, _)| to == b);

@@ -7,7 +7,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
 use crate::frames::Frames;
-use crate::neighbors::squared_distance;
+use crate::metric::Metric;
 use crate::plan::LandmarkChoice;
 
 /// Rounds of k-means. Landmarks need not be the best of means: after a few rounds little moves.
@@ -18,7 +18,16 @@ const N_ROUNDS_MAX: usize = 10;
 /// Distances are whole numbers and ties go to the lower index, so that frames and seed determine the choice on every
 /// machine and any number of threads. Random costs nothing, farthest point O(n_landmarks · n_frames · n_readings), k-means
 /// up to eleven times that.
-pub fn choose(frames: &Frames, n_landmarks: usize, choice: LandmarkChoice, seed: u64) -> Vec<u32> {
+///
+/// The mean of frames reading by reading is the frame nearest to all of them by Euclidean distances, whatever the weights of
+/// the readings. Frames that turn have no such mean: for them, k-means is not a choice.
+pub fn choose(
+    frames: &Frames,
+    metric: &impl Metric,
+    n_landmarks: usize,
+    choice: LandmarkChoice,
+    seed: u64,
+) -> Vec<u32> {
     let n_frames = frames.n_frames();
     if n_landmarks >= n_frames {
         return (0..n_frames as u32).collect();
@@ -30,10 +39,11 @@ pub fn choose(frames: &Frames, n_landmarks: usize, choice: LandmarkChoice, seed:
         }
         LandmarkChoice::Farthest => {
             let first = random.random_range(0..n_frames as u32);
-            and_farthest(frames, vec![first], n_landmarks)
+            and_farthest(frames, metric, vec![first], n_landmarks)
         }
         LandmarkChoice::KMeans => {
-            and_farthest(frames, nearest_to_means(frames, n_landmarks, &mut random), n_landmarks)
+            let medoids = nearest_to_means(frames, metric, n_landmarks, &mut random);
+            and_farthest(frames, metric, medoids, n_landmarks)
         }
     };
     landmarks.sort_unstable();
@@ -41,22 +51,23 @@ pub fn choose(frames: &Frames, n_landmarks: usize, choice: LandmarkChoice, seed:
 }
 
 /// How far each frame is from the nearest of the frames chosen so far.
-struct Cover<'a> {
+struct Cover<'a, M> {
     frames: &'a Frames,
+    metric: &'a M,
     /// Squared distance, counts²; none for the chosen.
     nearest: Vec<Option<u64>>,
 }
 
-impl<'a> Cover<'a> {
-    fn new(frames: &'a Frames) -> Self {
-        Self { frames, nearest: vec![Some(u64::MAX); frames.n_frames()] }
+impl<'a, M: Metric> Cover<'a, M> {
+    fn new(frames: &'a Frames, metric: &'a M) -> Self {
+        Self { frames, metric, nearest: vec![Some(u64::MAX); frames.n_frames()] }
     }
 
     fn choose(&mut self, chosen: u32) {
         let row = self.frames.row(chosen as usize);
         self.nearest.par_iter_mut().enumerate().for_each(|(index, nearest)| {
             if let Some(nearest) = nearest {
-                *nearest = squared_distance(row, self.frames.row(index)).min(*nearest);
+                *nearest = self.metric.squared_distance(row, self.frames.row(index)).min(*nearest);
             }
         });
         self.nearest[chosen as usize] = None;
@@ -86,8 +97,8 @@ impl<'a> Cover<'a> {
 }
 
 /// Completes a choice by the frame farthest from all chosen, again and again.
-fn and_farthest(frames: &Frames, mut chosen: Vec<u32>, n_landmarks: usize) -> Vec<u32> {
-    let mut cover = Cover::new(frames);
+fn and_farthest(frames: &Frames, metric: &impl Metric, mut chosen: Vec<u32>, n_landmarks: usize) -> Vec<u32> {
+    let mut cover = Cover::new(frames, metric);
     chosen.iter().for_each(|&frame_index| cover.choose(frame_index));
     while chosen.len() < n_landmarks {
         let farthest = cover.farthest();
@@ -101,8 +112,13 @@ fn and_farthest(frames: &Frames, mut chosen: Vec<u32>, n_landmarks: usize) -> Ve
 ///
 /// Starts: Arthur & Vassilvitskii 2007, *k-means++: the advantages of careful seeding*. Rounds: Lloyd 1982, *Least squares
 /// quantization in PCM*, with centres rounded to whole counts.
-fn nearest_to_means(frames: &Frames, n_means: usize, random: &mut ChaCha8Rng) -> Vec<u32> {
-    let mut cover = Cover::new(frames);
+fn nearest_to_means(
+    frames: &Frames,
+    metric: &impl Metric,
+    n_means: usize,
+    random: &mut ChaCha8Rng,
+) -> Vec<u32> {
+    let mut cover = Cover::new(frames, metric);
     let mut centres = Vec::with_capacity(n_means * frames.n_readings());
     let mut start = Some(random.random_range(0..frames.n_frames() as u32));
     while let Some(frame_index) = start.filter(|_| centres.len() < n_means * frames.n_readings()) {
@@ -111,10 +127,10 @@ fn nearest_to_means(frames: &Frames, n_means: usize, random: &mut ChaCha8Rng) ->
         start = cover.draw(random);
     }
     let mut centres = Frames::new(frames.n_readings(), centres);
-    let mut nearest = nearest_centres(frames, &centres);
+    let mut nearest = nearest_centres(frames, metric, &centres);
     for _ in 0..N_ROUNDS_MAX {
         centres = means(frames, &nearest, &centres);
-        let moved = nearest_centres(frames, &centres);
+        let moved = nearest_centres(frames, metric, &centres);
         if moved.iter().zip(&nearest).all(|(moved, before)| moved.1 == before.1) {
             nearest = moved;
             break;
@@ -132,10 +148,11 @@ fn nearest_to_means(frames: &Frames, n_means: usize, random: &mut ChaCha8Rng) ->
 }
 
 /// Squared distance of each frame to its nearest centre, and which that is; of equals the lowest.
-fn nearest_centres(frames: &Frames, centres: &Frames) -> Vec<(u64, usize)> {
+fn nearest_centres(frames: &Frames, metric: &impl Metric, centres: &Frames) -> Vec<(u64, usize)> {
     let nearest = |index: usize| {
         let row = frames.row(index);
-        let each = (0..centres.n_frames()).map(|centre| (squared_distance(row, centres.row(centre)), centre));
+        let each =
+            (0..centres.n_frames()).map(|centre| (metric.squared_distance(row, centres.row(centre)), centre));
         each.min().expect("there is a centre")
     };
     (0..frames.n_frames()).into_par_iter().map(nearest).collect()
@@ -167,6 +184,7 @@ mod tests {
     use LandmarkChoice::{Farthest, KMeans, Random};
 
     use super::*;
+    use crate::metric::Euclidean;
 
     /// A hundred frames at one place, two at another, and one far from both.
     fn uneven() -> Frames {
@@ -179,18 +197,18 @@ mod tests {
         let frames =
             Frames::new(2, (0..2000_u32).map(|index| (index * index % 7919) as u16).collect::<Vec<_>>());
         for choice in [Random, Farthest, KMeans] {
-            let chosen = choose(&frames, 100, choice, 7);
+            let chosen = choose(&frames, &Euclidean, 100, choice, 7);
             assert_eq!(chosen.len(), 100);
             assert!(chosen.windows(2).all(|pair| pair[0] < pair[1]) && chosen[99] < 1000, "{chosen:?}");
-            assert_eq!(chosen, choose(&frames, 100, choice, 7));
-            assert_ne!(chosen, choose(&frames, 100, choice, 8), "{choice:?}");
+            assert_eq!(chosen, choose(&frames, &Euclidean, 100, choice, 7));
+            assert_ne!(chosen, choose(&frames, &Euclidean, 100, choice, 8), "{choice:?}");
         }
     }
 
     #[test]
     fn every_frame_is_a_landmark_when_as_many_are_asked_for() {
         for choice in [Random, Farthest, KMeans] {
-            assert_eq!(choose(&Frames::new(1, vec![3; 5]), 9, choice, 0), [0, 1, 2, 3, 4]);
+            assert_eq!(choose(&Frames::new(1, vec![3; 5]), &Euclidean, 9, choice, 0), [0, 1, 2, 3, 4]);
         }
     }
 
@@ -198,7 +216,7 @@ mod tests {
     fn farthest_points_and_means_find_a_place_that_was_seen_once() {
         for choice in [Farthest, KMeans] {
             for seed in 0..10 {
-                let chosen = choose(&uneven(), 3, choice, seed);
+                let chosen = choose(&uneven(), &Euclidean, 3, choice, seed);
                 assert!(chosen[0] < 100 && [100, 101].contains(&chosen[1]), "{choice:?}: {chosen:?}");
                 assert_eq!(chosen[2], 102, "{choice:?}");
             }
@@ -209,8 +227,8 @@ mod tests {
     fn a_mean_is_stood_for_by_the_frame_in_the_middle_and_a_farthest_point_lies_at_the_edge() {
         let frames = Frames::new(1, (0..101).chain(30_000..30_101).collect::<Vec<u16>>());
         for seed in 0..10 {
-            assert_eq!(choose(&frames, 2, KMeans, seed), [50, 151]);
-            let far = choose(&frames, 2, Farthest, seed);
+            assert_eq!(choose(&frames, &Euclidean, 2, KMeans, seed), [50, 151]);
+            let far = choose(&frames, &Euclidean, 2, Farthest, seed);
             assert!(far[0] == 0 || far[1] == 201, "{far:?}");
         }
     }
@@ -218,7 +236,7 @@ mod tests {
     #[test]
     fn frames_that_are_all_alike_still_make_as_many_landmarks_as_were_asked_for() {
         for choice in [Random, Farthest, KMeans] {
-            assert_eq!(choose(&Frames::new(3, vec![7; 30]), 4, choice, 1).len(), 4);
+            assert_eq!(choose(&Frames::new(3, vec![7; 30]), &Euclidean, 4, choice, 1).len(), 4);
         }
     }
 
@@ -229,7 +247,7 @@ mod tests {
         for choice in [Farthest, KMeans] {
             let on = |n_threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
-                pool.install(|| choose(&frames, 40, choice, 3))
+                pool.install(|| choose(&frames, &Euclidean, 40, choice, 3))
             };
             assert_eq!(on(1), on(2));
         }

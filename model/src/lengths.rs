@@ -4,14 +4,14 @@ use rayon::prelude::*;
 
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
-use crate::neighbors::squared_distance;
+use crate::metric::Metric;
 
 /// Lengths from N frames to n landmarks.
 pub(crate) enum Lengths {
     /// Shortest paths in the neighbour graph.
     Geodesic(Geodesics),
-    /// Distances, squared as whole numbers: exact, as serving computes them.
-    Euclidean {
+    /// Distances by the metric, squared as whole numbers: exact, as serving computes them.
+    Straight {
         /// n.
         n_landmarks: usize,
         /// Shape `(n_frames, n_landmarks)`, counts².
@@ -21,22 +21,23 @@ pub(crate) enum Lengths {
 
 impl Lengths {
     /// Measures distances. O(n_frames · n_landmarks · n_readings) on the threads of whoever calls.
-    pub(crate) fn euclidean(frames: &Frames, landmarks: &[u32]) -> Self {
+    pub(crate) fn straight(frames: &Frames, metric: &impl Metric, landmarks: &[u32]) -> Self {
         let n_landmarks = landmarks.len();
         let mut squared = vec![0.0; frames.n_frames() * n_landmarks];
         squared.par_chunks_exact_mut(n_landmarks).enumerate().for_each(|(frame_index, row)| {
             for (squared, &landmark) in row.iter_mut().zip(landmarks) {
-                *squared = squared_distance(frames.row(frame_index), frames.row(landmark as usize)) as f64;
+                *squared =
+                    metric.squared_distance(frames.row(frame_index), frames.row(landmark as usize)) as f64;
             }
         });
-        Self::Euclidean { n_landmarks, squared }
+        Self::Straight { n_landmarks, squared }
     }
 
     /// N.
     pub(crate) fn n_frames(&self) -> usize {
         match self {
             Self::Geodesic(geodesics) => geodesics.n_frames(),
-            Self::Euclidean { n_landmarks, squared } => squared.len() / n_landmarks,
+            Self::Straight { n_landmarks, squared } => squared.len() / n_landmarks,
         }
     }
 
@@ -44,7 +45,7 @@ impl Lengths {
     pub(crate) fn squared(&self, frame_index: usize, lane: usize) -> f64 {
         match self {
             Self::Geodesic(geodesics) => f64::from(geodesics.row(frame_index)[lane]).powi(2),
-            Self::Euclidean { n_landmarks, squared } => squared[frame_index * n_landmarks + lane],
+            Self::Straight { n_landmarks, squared } => squared[frame_index * n_landmarks + lane],
         }
     }
 
@@ -65,7 +66,7 @@ impl Lengths {
     pub(crate) fn into_geodesics(self) -> Option<Geodesics> {
         match self {
             Self::Geodesic(geodesics) => Some(geodesics),
-            Self::Euclidean { .. } => None,
+            Self::Straight { .. } => None,
         }
     }
 }

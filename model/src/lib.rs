@@ -32,7 +32,7 @@
 //! | τ, N_eff | `n_frames_effective` | | integrated autocorrelation time of the embedded trip, and N / τ |
 //! | J, α, μ, Σ | `n_kinds`, `weights`, `means`, `covariances` | | Gaussian mixture; one component is one kind |
 //!
-//! Lengths are in counts of the response's scale (see [`response`]), squared lengths in counts².
+//! Lengths are in counts of the response's scale (see [`response`]) by the model's [`metric`], squared lengths in counts².
 #![forbid(unsafe_code)]
 
 pub mod array;
@@ -50,6 +50,7 @@ pub mod intrinsic_dims;
 pub mod landmarks;
 mod lengths;
 pub mod mds;
+pub mod metric;
 pub mod mixture;
 mod model;
 pub mod neighborhood;
@@ -65,6 +66,7 @@ pub use file::ModelFileError;
 pub use fit::{FitError, Size, Step, fit, refit};
 pub use frames::{Frames, SensorLayout};
 pub use intrinsic_dims::IntrinsicDims;
+pub use metric::{MetricError, MetricPlan};
 pub use model::{
     KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, NeighborsTrial, Origin, Provenance,
 };

@@ -6,7 +6,8 @@
 //! spectral clustering*, eq. (2): the other terms of that equation vanish because the eigenvectors sum to zero.
 //!
 //! The paper prints the double centring with `½ S_i`; right is `S_i / n`. With squared Euclidean distances in place of
-//! squared geodesics the same code is principal component analysis, up to signs.
+//! squared geodesics the same code is principal component analysis, up to signs; with those of any other metric, classical
+//! scaling.
 
 use faer::Mat;
 

@@ -9,6 +9,7 @@ use crate::frames::{Frames, SensorLayout};
 use crate::geodesics::Geodesics;
 use crate::intrinsic_dims::IntrinsicDims;
 use crate::mds::Embedding;
+use crate::metric::AnyMetric;
 use crate::mixture::Mixture;
 use crate::plan::FitPlan;
 use crate::response::Response;
@@ -25,7 +26,7 @@ pub const N_DIMS_MAX: usize = 32;
 pub struct Manifest {
     /// Version of the file's format.
     pub format: u32,
-    /// What was fitted. Its `n_landmarks` are those that there are.
+    /// What was fitted. Its `n_landmarks` are those that there are; in native space, those that another method would have.
     pub plan: FitPlan,
     /// N.
     pub n_frames: usize,
@@ -55,7 +56,7 @@ pub struct Provenance {
     pub islands: Vec<usize>,
     /// The bridges that joined them: frame, frame, length in counts on the response's scale.
     pub bridges: Vec<(u32, u32, f32)>,
-    /// Residual variance for 1, 2, … dimensions.
+    /// Residual variance for 1, 2, … dimensions; empty in native space, as all about eigenvalues.
     pub residual_variance: Vec<f64>,
     /// Where that curve bends: dimensions. The model has two more, unless it was told how many to have.
     pub elbow: usize,
@@ -77,6 +78,8 @@ pub struct Provenance {
     pub n_starts_collapsed: usize,
     /// N_eff: frames that are as good as independent of each other, N by the integrated autocorrelation time.
     pub n_frames_effective: f64,
+    /// Share of the reference frames whose most probable kind is that of the most frames: near 1, kinds tell nothing apart.
+    pub largest_kind_share: f64,
     /// What speaks for each number of kinds, 1, 2, …; empty where the number was given.
     pub kinds_tried: Vec<KindsTrial>,
 }
@@ -140,12 +143,15 @@ pub struct Model {
     pub(crate) id: ModelId,
     pub(crate) manifest: Manifest,
     pub(crate) response: Response,
+    /// The plan's, for its sensor.
+    pub(crate) metric: AnyMetric,
     pub(crate) frames: Frames,
-    /// Frame indices, shape `(n_landmarks,)`.
+    /// Frame indices, shape `(n_landmarks,)`; none in native space.
     pub(crate) landmarks: Array<u32>,
-    /// None where distances are Euclidean: these are taken from the frames.
+    /// Only Isomap has them: straight distances are taken from the frames.
     pub(crate) geodesics: Option<Geodesics>,
-    pub(crate) embedding: Embedding,
+    /// None in native space, where a frame's counts are its coordinates.
+    pub(crate) embedding: Option<Embedding>,
     /// Of the reference frames, shape `(n_frames, n_dims)`, counts.
     pub(crate) coordinates: Array<f64>,
     pub(crate) mixture: Mixture,
@@ -174,24 +180,29 @@ impl Model {
         &self.response
     }
 
+    /// How far apart frames are on that scale.
+    pub fn metric(&self) -> &AnyMetric {
+        &self.metric
+    }
+
     /// The reference frames, on the response's scale.
     pub fn frames(&self) -> &Frames {
         &self.frames
     }
 
-    /// Frame indices of the landmarks, ascending.
+    /// Frame indices of the landmarks, ascending; none in native space.
     pub fn landmarks(&self) -> &[u32] {
         &self.landmarks
     }
 
-    /// Geodesics to the landmarks; none for principal component analysis.
+    /// Geodesics to the landmarks, if the method is Isomap.
     pub fn geodesics(&self) -> Option<&Geodesics> {
         self.geodesics.as_ref()
     }
 
-    /// What embeds a frame.
-    pub fn embedding(&self) -> &Embedding {
-        &self.embedding
+    /// What embeds a frame; none in native space, where its counts on the response's scale are its coordinates.
+    pub fn embedding(&self) -> Option<&Embedding> {
+        self.embedding.as_ref()
     }
 
     /// Coordinates of the reference frames, shape `(n_frames, n_dims)`, counts.

@@ -20,8 +20,9 @@ use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::graph::{Edge, Graph};
 use crate::mds::Embedding;
+use crate::metric::Metric;
 use crate::model::NeighborsTrial;
-use crate::neighbors::{NeighborLists, squared_distance};
+use crate::neighbors::NeighborLists;
 use crate::residual_variance::{N_DIMS_BEYOND_ELBOW, N_DIMS_REPORTED, TOLERANCE, elbow, residual_variance};
 
 /// Most neighbours that are tried.
@@ -59,9 +60,10 @@ const SHORT_CIRCUIT_RISE: f64 = 2.0;
 /// * `n_dims` — d of the model; none where it is left to the evidence
 /// * `done` — told how many numbers are measured, and of how many
 ///
-/// O(pairs of frames on different islands · n_readings), and for each number O(100 · n_edges · log n_frames).
+/// O(pairs of frames on different islands) distances, and for each number O(100 · n_edges · log n_frames).
 pub fn try_neighbors(
     frames: &Frames,
+    metric: &impl Metric,
     lists: &NeighborLists,
     landmarks: &[u32],
     n_dims: Option<usize>,
@@ -69,7 +71,7 @@ pub fn try_neighbors(
 ) -> Vec<NeighborsTrial> {
     let most = lists.k().min(N_NEIGHBORS_TRIED_MAX);
     let fewest = fewest(lists, most);
-    let between = |a: u32, b: u32| squared_distance(frames.row(a as usize), frames.row(b as usize));
+    let between = |a: u32, b: u32| metric.squared_distance(frames.row(a as usize), frames.row(b as usize));
     let bridges = Graph::union(lists, fewest).join_islands(between);
 
     let n_landmarks = landmarks.len().min(N_LANDMARKS);

@@ -1,21 +1,24 @@
 //! Exact nearest neighbours among the reference frames, by integer arithmetic.
 //!
-//! Counts are `u16`, so a squared distance is at most 65535² · n_readings, and its sum in `u64` is exact, free of order
-//! and the same on every machine. Ties go to the lower frame index.
+//! Squared distances are whole numbers by every [`Metric`], the same on every machine. Ties go to the lower frame index.
+
+use rayon::prelude::*;
 
 use crate::frames::Frames;
+use crate::metric::Metric;
+use crate::tally::Tally;
 
 /// A reference frame near another frame. Orders by distance, then by index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Neighbor {
-    /// Squared Euclidean distance, counts².
+    /// Squared distance by the metric, counts².
     pub squared_distance: u64,
     /// Which reference frame.
     pub frame_index: u32,
 }
 
 impl Neighbor {
-    /// Euclidean distance, counts. In `f32`, which is what geodesics are summed in.
+    /// Distance, counts. In `f32`, which is what geodesics are summed in.
     pub fn distance(&self) -> f32 {
         length(self.squared_distance)
     }
@@ -26,29 +29,16 @@ pub fn length(squared_distance: u64) -> f32 {
     (squared_distance as f64).sqrt() as f32
 }
 
-/// Squared Euclidean distance between two frames of equal length, counts².
-pub fn squared_distance(a: &[u16], b: &[u16]) -> u64 {
-    debug_assert_eq!(a.len(), b.len());
-    a.iter()
-        .zip(b)
-        .map(|(&a, &b)| {
-            let difference = u32::from(a.abs_diff(b));
-            // 65535² is below 2³².
-            u64::from(difference * difference)
-        })
-        .sum()
-}
-
 /// Squared distances from a frame to every reference frame, counts².
 ///
 /// * `query` — counts on the response's scale, shape `(n_readings,)`
 /// * `squared` — shape `(n_frames,)`; overwritten
-pub fn squared_distances(frames: &Frames, query: &[u16], squared: &mut [u64]) {
+pub fn squared_distances(frames: &Frames, metric: &impl Metric, query: &[u16], squared: &mut [u64]) {
     assert_eq!(squared.len(), frames.n_frames(), "one distance for each reference frame");
     squared
         .iter_mut()
         .enumerate()
-        .for_each(|(index, squared)| *squared = squared_distance(query, frames.row(index)));
+        .for_each(|(index, squared)| *squared = metric.squared_distance(query, frames.row(index)));
 }
 
 /// The `nearest.len()` reference frames nearest to a frame, nearest first.
@@ -56,10 +46,10 @@ pub fn squared_distances(frames: &Frames, query: &[u16], squared: &mut [u64]) {
 /// * `query` — counts on the response's scale, shape `(n_readings,)`
 /// * `nearest` — overwritten; at most `n_frames` long
 ///
-/// Allocates nothing. O(n_frames · n_readings).
-pub fn nearest(frames: &Frames, query: &[u16], nearest: &mut [Neighbor]) {
-    let candidates =
-        (0..frames.n_frames()).map(|index| neighbor(index, squared_distance(query, frames.row(index))));
+/// Allocates nothing. O(n_frames) distances.
+pub fn nearest(frames: &Frames, metric: &impl Metric, query: &[u16], nearest: &mut [Neighbor]) {
+    let candidates = (0..frames.n_frames())
+        .map(|index| neighbor(index, metric.squared_distance(query, frames.row(index))));
     keep_nearest(candidates, nearest);
 }
 
@@ -95,8 +85,13 @@ impl NeighborLists {
 /// * `k` — at least 1, at most `n_frames` − 1
 /// * `done` — told the number of frames finished, now and then
 ///
-/// O(n_frames² · n_readings).
-pub fn nearest_of_each(frames: &Frames, k: usize, done: &mut dyn FnMut(usize)) -> NeighborLists {
+/// O(n_frames²) distances, on the threads of whoever calls.
+pub fn nearest_of_each(
+    frames: &Frames,
+    metric: &impl Metric,
+    k: usize,
+    done: &mut (dyn FnMut(usize) + Send),
+) -> NeighborLists {
     let n_frames = frames.n_frames();
     assert!((1..n_frames).contains(&k), "{k} neighbours among {n_frames} frames");
     let mut neighbors = vec![neighbor(0, 0); n_frames * k];
@@ -106,23 +101,26 @@ pub fn nearest_of_each(frames: &Frames, k: usize, done: &mut dyn FnMut(usize)) -
     // Their distances to all frames must fit into memory too.
     const N_DISTANCES: usize = 1 << 20;
     let tile = (TILE_BYTES / (2 * frames.n_readings())).min(N_DISTANCES / n_frames).clamp(1, n_frames);
-    let mut squared = vec![0; tile * n_frames];
-    for first in (0..n_frames).step_by(tile) {
-        let rows = first..n_frames.min(first + tile);
-        for other in 0..n_frames {
-            for row in rows.clone() {
-                squared[(row - first) * n_frames + other] =
-                    squared_distance(frames.row(row), frames.row(other));
+    let mut told = |n_tiles: usize| done(n_frames.min(n_tiles * tile));
+    let tally = Tally::new(&mut told);
+    neighbors.par_chunks_mut(tile * k).enumerate().for_each_init(
+        || vec![0; tile * n_frames],
+        |squared, (index, lists)| {
+            let first = index * tile;
+            for other in 0..n_frames {
+                for row in 0..lists.len() / k {
+                    squared[row * n_frames + other] =
+                        metric.squared_distance(frames.row(first + row), frames.row(other));
+                }
             }
-        }
-        for row in rows.clone() {
-            let distances = &squared[(row - first) * n_frames..][..n_frames];
-            let others =
-                (0..n_frames).filter(|&other| other != row).map(|other| neighbor(other, distances[other]));
-            keep_nearest(others, &mut neighbors[row * k..][..k]);
-        }
-        done(rows.end);
-    }
+            for (row, list) in lists.chunks_exact_mut(k).enumerate() {
+                let distances = &squared[row * n_frames..][..n_frames];
+                let others = (0..n_frames).filter(|&other| other != first + row);
+                keep_nearest(others.map(|other| neighbor(other, distances[other])), list);
+            }
+            tally.add();
+        },
+    );
     NeighborLists { k, neighbors }
 }
 
@@ -154,6 +152,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::metric::Euclidean;
 
     /// The plainest way: every distance in 128 bits, then a full sort.
     fn by_sorting(frames: &Frames, query: &[u16]) -> Vec<Neighbor> {
@@ -188,24 +187,18 @@ mod tests {
         #[test]
         fn nearest_equals_a_full_sort_with_ties_by_index((frames, query, k) in few_frames()) {
             let mut found = vec![neighbor(0, 0); k];
-            nearest(&frames, &query, &mut found);
+            nearest(&frames, &Euclidean, &query, &mut found);
             prop_assert_eq!(&found[..], &by_sorting(&frames, &query)[..k]);
         }
 
         #[test]
         fn nearest_of_each_equals_a_full_sort_without_the_frame_itself((frames, _, k) in few_frames()) {
-            let lists: Vec<_> = nearest_of_each(&frames, k, &mut |_| ()).nearest(k).flatten().copied().collect();
+            let lists: Vec<_> = nearest_of_each(&frames, &Euclidean, k, &mut |_| ()).nearest(k).flatten().copied().collect();
             for row in 0..frames.n_frames() {
                 let mut expected = by_sorting(&frames, frames.row(row));
                 expected.retain(|neighbor| neighbor.frame_index as usize != row);
                 prop_assert_eq!(&lists[row * k..][..k], &expected[..k]);
             }
         }
-    }
-
-    #[test]
-    fn the_largest_possible_distance_does_not_overflow() {
-        let (black, white) = (vec![0; 19840], vec![u16::MAX; 19840]);
-        assert_eq!(squared_distance(&black, &white), 19840 * 65535 * 65535);
     }
 }

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::em::EmPlan;
 use crate::frames::SensorLayout;
+use crate::metric::MetricPlan;
 use crate::response::ResponsePlan;
 
 /// How distances between frames become coordinates.
@@ -12,9 +13,14 @@ pub enum Method {
     /// Geodesics in the neighbour graph (Tenenbaum, de Silva & Langford 2000; landmarks: de Silva & Tenenbaum 2004).
     #[serde(alias = "isomap")]
     Isomap,
-    /// Euclidean distances: principal component analysis, the paper's baseline.
+    /// Straight distances. Of the Euclidean metric: principal component analysis, the paper's baseline, with weights
+    /// that of readings multiplied by their roots. Of another metric, whose distances need not fit into any space:
+    /// classical scaling (Torgerson 1952), the same computation.
     #[serde(alias = "pca")]
     Pca,
+    /// None: the counts of the readings themselves are coordinates, as the paper tried.
+    #[serde(alias = "native")]
+    Native,
 }
 
 /// Which reference frames are landmarks, where not all of them are.
@@ -41,7 +47,9 @@ pub struct FitPlan {
     pub sensor: SensorLayout,
     /// The scale on which frames are compared.
     pub response: ResponsePlan,
-    /// Geodesic or Euclidean.
+    /// How far apart two frames are on that scale.
+    pub metric: MetricPlan,
+    /// Along the manifold or straight.
     pub method: Method,
     /// ns. None: by evidence, the fewest from ten on that leave few frames beyond bridges and nearly the least residual
     /// variance; fewer than ten only where so many make a short circuit.

@@ -3,8 +3,8 @@
 use kinds_model::autocorrelation::n_frames_effective;
 use kinds_model::evidence::{N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out, try_kinds};
 use kinds_model::{
-    EmPlan, FitPlan, KindsTrial, LandmarkChoice, Method, Model, Origin, ResponsePlan, Scale, SensorLayout,
-    file, fit,
+    EmPlan, FitPlan, KindsTrial, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale,
+    SensorLayout, file, fit,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -47,6 +47,7 @@ fn as_they_are(n_readings: usize) -> FitPlan {
     FitPlan {
         sensor: SensorLayout { rows: 1, columns: n_readings as u32, metres_per_count: 1.0 },
         response: ResponsePlan::new(Scale::Range, 65_535.0),
+        metric: MetricPlan::Euclidean,
         method: Method::Isomap,
         n_neighbors: Some(10),
         n_landmarks: 500,
@@ -69,7 +70,7 @@ fn cubes_of_three_five_and_eight_dimensions_have_their_elbow_there_and_two_more_
         let model = fitted(cube(n_dims, 1000), &plan);
         let provenance = &model.manifest().provenance;
         assert_eq!(provenance.elbow, n_dims, "{:?}", provenance.residual_variance);
-        assert_eq!(model.embedding().n_dims(), n_dims + 2);
+        assert_eq!(model.manifest().n_dims, n_dims + 2);
     }
 }
 
@@ -80,7 +81,7 @@ fn no_more_dimensions_are_kept_than_there_are() {
         cube(2, 200).chunks_exact(N_READINGS).flat_map(|frame| frame[..3].to_vec()).collect();
     let plan = FitPlan { method: Method::Pca, n_kinds: Some(1), ..as_they_are(3) };
     let model = fitted(counts, &plan);
-    assert_eq!((model.manifest().provenance.elbow, model.embedding().n_dims()), (2, 3));
+    assert_eq!((model.manifest().provenance.elbow, model.manifest().n_dims), (2, 3));
 }
 
 const N_DIMS: usize = 8;

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
+use kinds_model::metric::{Euclidean, Metric};
 use kinds_model::{
-    Classifier, Covariance, EmPlan, FitError, FitPlan, Frames, LandmarkChoice, Method, Model, ModelFileError,
-    Origin, ResponsePlan, Scale, SensorLayout, Size, Status, file, fit, neighbors, refit,
+    Classifier, Covariance, EmPlan, FitError, FitPlan, Frames, LandmarkChoice, Method, MetricPlan, Model,
+    ModelFileError, Origin, ResponsePlan, Scale, SensorLayout, Size, Status, file, fit, refit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -35,6 +36,7 @@ fn plan(method: Method) -> FitPlan {
     FitPlan {
         sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
         response: ResponsePlan::new(Scale::Inverse, 4.0),
+        metric: MetricPlan::Euclidean,
         method,
         n_neighbors: Some(6),
         n_landmarks: 40,
@@ -47,18 +49,128 @@ fn plan(method: Method) -> FitPlan {
 }
 
 fn model(method: Method) -> Model {
-    fit(trip(150, 3), &plan(method), Origin::default(), &mut |_, _, _| ()).unwrap()
+    model_by(MetricPlan::Euclidean, method)
+}
+
+fn model_by(metric: MetricPlan, method: Method) -> Model {
+    let plan = FitPlan { metric, ..plan(method) };
+    fit(trip(150, 3), &plan, Origin::default(), &mut |_, _, _| ()).unwrap()
+}
+
+/// A model of the readings as they are.
+fn native() -> Model {
+    let plan = FitPlan { n_dims: None, ..plan(Method::Native) };
+    fit(trip(150, 3), &plan, Origin::default(), &mut |_, _, _| ()).unwrap()
+}
+
+/// A model for each metric and method.
+fn models() -> impl Iterator<Item = Model> {
+    let metrics = [
+        MetricPlan::Euclidean,
+        MetricPlan::Weighted(vec![0.3, 2.0, 0.0, 1.0, 1.0, 0.7]),
+        MetricPlan::Ring { n_rings: 1 },
+        MetricPlan::Ring { n_rings: 2 },
+    ];
+    metrics
+        .into_iter()
+        .flat_map(|metric| [Method::Isomap, Method::Pca].map(|method| model_by(metric.clone(), method)))
+        .chain([native()])
 }
 
 #[test]
 fn a_reference_frame_embeds_out_of_sample_to_its_in_sample_coordinates_bit_for_bit() {
-    for method in [Method::Isomap, Method::Pca] {
-        let model = Arc::new(model(method));
+    for model in models() {
+        let model = Arc::new(model);
+        let FitPlan { metric, method, .. } = &model.manifest().plan;
         let mut classifier = Classifier::new(Arc::clone(&model));
-        for (frame, place) in trip(150, 3).chunks_exact(N_READINGS).zip(model.coordinates().chunks_exact(3)) {
+        let places = model.coordinates().chunks_exact(model.manifest().n_dims);
+        for (frame, place) in trip(150, 3).chunks_exact(N_READINGS).zip(places) {
             let found = classifier.classify(frame);
-            assert_eq!(found.coordinates, place, "{method:?}");
+            assert_eq!(found.coordinates, place, "{metric}, {method:?}");
             assert_eq!(found.novelty, 0.0);
+        }
+    }
+}
+
+#[test]
+fn a_frame_of_rings_is_classified_alike_whichever_way_the_robot_faces() {
+    let turned = |frame: &[u16], n_rings: usize, turn: usize| {
+        let mut frame = frame.to_vec();
+        frame.chunks_exact_mut(N_READINGS / n_rings).for_each(|ring| ring.rotate_left(turn));
+        frame
+    };
+    for method in [Method::Isomap, Method::Pca] {
+        for n_rings in [1, 2] {
+            let mut by_rings = Classifier::new(Arc::new(model_by(MetricPlan::Ring { n_rings }, method)));
+            let mut by_readings = Classifier::new(Arc::new(model(method)));
+            let mut n_changed = 0;
+            for frame in trip(40, 9).chunks_exact(N_READINGS) {
+                let ahead = by_rings.classify(frame).clone();
+                let ahead_by_readings = by_readings.classify(frame).clone();
+                for turn in 1..N_READINGS / n_rings {
+                    let turned = turned(frame, n_rings, turn);
+                    assert_eq!(*by_rings.classify(&turned), ahead, "{turned:?} {frame:?}");
+                    n_changed += usize::from(*by_readings.classify(&turned) != ahead_by_readings);
+                }
+            }
+            assert!(n_changed > 40, "other metrics see that it turned");
+        }
+    }
+}
+
+#[test]
+fn native_space_is_the_readings_on_the_responses_scale_and_nothing_else() {
+    let model = Arc::new(native());
+    let manifest = model.manifest();
+    assert_eq!((manifest.n_dims, model.landmarks().len()), (N_READINGS, 0));
+    assert!(model.embedding().is_none() && model.geodesics().is_none());
+    assert!(manifest.provenance.residual_variance.is_empty() && manifest.provenance.eigenvalues.is_empty());
+    let counts: Vec<f64> = model.frames().counts().iter().map(|&count| f64::from(count)).collect();
+    assert_eq!(model.coordinates(), counts);
+
+    let mut classifier = Classifier::new(Arc::clone(&model));
+    let mut n_frames_of = [0; 3];
+    let frames = trip(150, 3);
+    frames.chunks_exact(N_READINGS).for_each(|frame| n_frames_of[classifier.classify(frame).kind] += 1);
+    let largest = *n_frames_of.iter().max().unwrap();
+    assert_eq!(manifest.provenance.largest_kind_share, f64::from(largest) / 153.0);
+    assert_eq!(classifier.classify(&[10, 4000, 10, 4000, 10, 4000]).novelty, 1.0);
+}
+
+#[test]
+fn refitting_native_space_with_the_same_kinds_asks_the_evidence_for_dimensions() {
+    let native = native();
+    let isomap = refit(&native, Method::Isomap, Size::SameKinds, &mut |_, _, _| ()).unwrap();
+    let manifest = isomap.manifest();
+    assert_eq!((manifest.n_kinds, manifest.n_dims), (3, manifest.provenance.elbow + 2));
+    assert_eq!((manifest.n_neighbors, isomap.landmarks().len()), (6, 40));
+    let again = refit(&isomap, Method::Native, Size::SameKinds, &mut |_, _, _| ()).unwrap();
+    assert_eq!(again.mixture().means(), native.mixture().means());
+}
+
+#[test]
+fn weights_that_are_all_equal_change_nothing_but_the_plan() {
+    for method in [Method::Isomap, Method::Pca] {
+        let (plain, weighted) =
+            (model(method), model_by(MetricPlan::Weighted(vec![3.0; N_READINGS]), method));
+        assert_eq!(weighted.coordinates(), plain.coordinates());
+        assert_eq!(weighted.squared_radii(), plain.squared_radii());
+        assert_ne!(weighted.id(), plain.id());
+    }
+}
+
+#[test]
+fn a_reading_without_weight_changes_no_classification() {
+    let weights = vec![1.0, 1.0, 0.0, 1.0, 1.0, 1.0];
+    for method in [Method::Isomap, Method::Pca] {
+        let mut classifier =
+            Classifier::new(Arc::new(model_by(MetricPlan::Weighted(weights.clone()), method)));
+        for frame in trip(40, 9).chunks_exact(N_READINGS) {
+            let mut other = frame.to_vec();
+            other[2] = 4321 - other[2].min(4000);
+            let found = classifier.classify(frame).clone();
+            let n_invalid = found.n_invalid - usize::from(frame[2] == 0);
+            assert_eq!(*classifier.classify(&other), kinds_model::Classification { n_invalid, ..found });
         }
     }
 }
@@ -71,7 +183,7 @@ fn euclidean_distances_between_all_frames_are_kept_by_all_components() {
     let place = |index: usize| &model.coordinates()[index * N_READINGS..][..N_READINGS];
     for a in 0..60 {
         for b in 0..60 {
-            let expected = neighbors::squared_distance(model.frames().row(a), model.frames().row(b)) as f64;
+            let expected = Euclidean.squared_distance(model.frames().row(a), model.frames().row(b)) as f64;
             let found: f64 = place(a).iter().zip(place(b)).map(|(a, b)| (a - b) * (a - b)).sum();
             assert!(
                 (found - expected).abs() <= 1e-9 * expected.max(1e6),
@@ -98,7 +210,7 @@ fn refitting_at_matched_size_keeps_neighbours_dimensions_and_kinds_and_at_its_ow
     let by_evidence = |method| FitPlan { n_neighbors: None, n_dims: None, n_kinds: None, ..plan(method) };
     let fitted = |plan| fit(trip(150, 3), &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
     let isomap = fitted(by_evidence(Method::Isomap));
-    let size = |model: &Model| (model.embedding().n_dims(), model.mixture().n_kinds());
+    let size = |model: &Model| (model.manifest().n_dims, model.mixture().n_kinds());
     let matched = refit(&isomap, Method::Pca, Size::Matched, &mut |_, _, _| ()).unwrap();
     assert_eq!(size(&matched), size(&isomap));
     assert_eq!(matched.manifest().n_neighbors, isomap.manifest().n_neighbors);
@@ -133,8 +245,8 @@ proptest! {
     #[test]
     fn probabilities_are_finite_and_sum_to_one_for_any_frame(frame in prop::collection::vec(any::<u16>(), N_READINGS)) {
         thread_local! {
-            static CLASSIFIERS: std::cell::RefCell<[Classifier; 2]> =
-                [Method::Isomap, Method::Pca].map(|method| Classifier::new(Arc::new(model(method)))).into();
+            static CLASSIFIERS: std::cell::RefCell<[Classifier; 3]> =
+                [model(Method::Isomap), model(Method::Pca), native()].map(|model| Classifier::new(Arc::new(model))).into();
         }
         CLASSIFIERS.with_borrow_mut(|classifiers| {
             for classifier in classifiers {
@@ -173,15 +285,47 @@ fn what_cannot_be_fitted_is_refused_in_words() {
         "40 dimensions were asked for; there must be between 1 and 32"
     );
     assert!(matches!(
-        refuse(trip(20, 0), FitPlan { n_dims: Some(20), n_landmarks: 10, ..isomap }),
+        refuse(trip(20, 0), FitPlan { n_dims: Some(20), n_landmarks: 10, ..isomap.clone() }),
         FitError::Mds(_)
     ));
+    assert_eq!(
+        refuse(trip(20, 0), FitPlan { metric: MetricPlan::Weighted(vec![1.0; 5]), ..isomap.clone() })
+            .to_string(),
+        "metric: 5 weights were given and the sensor has 6 readings; give one weight for each"
+    );
+    let native = FitPlan { method: Method::Native, ..isomap.clone() };
+    assert_eq!(
+        refuse(trip(20, 0), native.clone()).to_string(),
+        "native space has a dimension for each of the 6 readings and 3 were asked for; ask for no number, or use isomap"
+    );
+    let native = FitPlan { n_dims: None, ..native };
+    assert_eq!(
+        refuse(trip(20, 0), FitPlan { metric: MetricPlan::Ring { n_rings: 2 }, ..native.clone() })
+            .to_string(),
+        "native space has no distances, so that kinds would not follow the metric: least distances over all turns of 2 rings; use \
+         isomap or the euclidean metric"
+    );
+    assert_eq!(
+        refuse(vec![700; 20 * N_READINGS], native.clone()).to_string(),
+        "all 20 frames are equal on the response's scale; there is nothing to tell kinds by"
+    );
+    let camera = SensorLayout { rows: 124, columns: 160, metres_per_count: 0.001 };
+    assert_eq!(
+        refuse(vec![1; 19840 * 20], FitPlan { sensor: camera, ..native }).to_string(),
+        "native space is for sensors of at most 32 readings and this one has 19840: the full covariance of one kind would have \
+         19840·19841/2 = 196822720 parameters, and there are 20 frames; use isomap"
+    );
+    let ring = FitPlan { metric: MetricPlan::Ring { n_rings: 1 }, ..isomap };
+    assert_eq!(
+        refuse(trip(60, 0), FitPlan { landmark_choice: LandmarkChoice::KMeans, ..ring }).to_string(),
+        "landmarks by k-means need means of frames, and frames that are compared at their nearest turn have none; choose random \
+         landmarks or the farthest"
+    );
 }
 
 #[test]
 fn a_model_read_from_its_bytes_is_the_same_and_its_frames_lie_in_them() {
-    for method in [Method::Isomap, Method::Pca] {
-        let model = model(method);
+    for model in models() {
         let bytes = Bytes::from(file::to_bytes(&model));
         let read = file::from_bytes(&bytes).unwrap();
         assert_eq!((read.id(), read.manifest()), (model.id(), model.manifest()));

@@ -9,12 +9,13 @@ use kinds_model::em::{fit_mixture, fit_mixture_from};
 use kinds_model::geodesics::Geodesics;
 use kinds_model::graph::{Edge, Graph};
 use kinds_model::mds::{Embedding, MdsError, Spectrum};
+use kinds_model::metric::Euclidean;
 use kinds_model::mixture::{Mixture, most_probable};
 use kinds_model::neighbors::nearest_of_each;
 use kinds_model::residual_variance::{elbow, residual_variance};
 use kinds_model::{
-    Covariance, EmPlan, FitPlan, Frames, LandmarkChoice, Method, Origin, ResponsePlan, Scale, SensorLayout,
-    fit,
+    Covariance, EmPlan, FitPlan, Frames, LandmarkChoice, Method, MetricPlan, Origin, ResponsePlan, Scale,
+    SensorLayout, fit,
 };
 use safetensors::SafeTensors;
 
@@ -265,6 +266,7 @@ fn digits_plan(method: Method) -> FitPlan {
     FitPlan {
         sensor: DIGITS,
         response: ResponsePlan { invalid_range_m: 0.0, ..ResponsePlan::new(Scale::Range, 16.0) },
+        metric: MetricPlan::Euclidean,
         method,
         n_neighbors: Some(10),
         n_landmarks: usize::MAX,
@@ -284,7 +286,7 @@ fn digits(golden: &Golden) -> Vec<u16> {
 fn neighbours_of_digits_are_those_of_a_stable_sort_on_whole_numbers() {
     let golden = Golden::open("digits");
     let frames = Frames::new(64, digits(&golden));
-    let found: Vec<u16> = nearest_of_each(&frames, 10, &mut |_| ())
+    let found: Vec<u16> = nearest_of_each(&frames, &Euclidean, 10, &mut |_| ())
         .nearest(10)
         .flatten()
         .map(|near| near.frame_index as u16)
@@ -323,7 +325,7 @@ fn euclidean_distances_give_the_principal_components() {
 
 fn kinds(model: &kinds_model::Model) -> Vec<usize> {
     let mut probabilities = vec![0.0; model.mixture().n_kinds()];
-    let places = model.coordinates().chunks_exact(model.embedding().n_dims());
+    let places = model.coordinates().chunks_exact(model.manifest().n_dims);
     places
         .map(|place| {
             model.mixture().posterior(place, &mut probabilities);

@@ -1,7 +1,9 @@
 //! What fitting holds, beyond the frames: the geodesics and a few matrices of landmarks. Alone in its program, since the
 //! allocator counts for all tests of one.
 
-use kinds_model::{EmPlan, FitPlan, LandmarkChoice, Method, Origin, ResponsePlan, Scale, SensorLayout, fit};
+use kinds_model::{
+    EmPlan, FitPlan, LandmarkChoice, Method, MetricPlan, Origin, ResponsePlan, Scale, SensorLayout, fit,
+};
 use peak_alloc::PeakAlloc;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -32,6 +34,7 @@ fn held(n_frames: usize, n_landmarks: usize, method: Method) -> usize {
     let plan = FitPlan {
         sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
         response: ResponsePlan::new(Scale::Range, 20.0),
+        metric: MetricPlan::Euclidean,
         method,
         n_neighbors: None,
         n_landmarks,

@@ -4,13 +4,14 @@ use std::f64::consts::PI;
 
 use kinds_model::graph::Graph;
 use kinds_model::intrinsic_dims::{N_NEIGHBORS_USED, maximum_likelihood, two_nn};
+use kinds_model::metric::{Euclidean, Metric};
 use kinds_model::neighborhood::{
     N_NEIGHBORS_TRIED_MAX, candidates, chosen, runner_up, short_circuits, try_neighbors,
 };
-use kinds_model::neighbors::{NeighborLists, nearest_of_each, squared_distance};
+use kinds_model::neighbors::{NeighborLists, nearest_of_each};
 use kinds_model::{
-    EmPlan, FitPlan, Frames, LandmarkChoice, Method, Model, NeighborsTrial, Origin, ResponsePlan, Scale,
-    SensorLayout, file, fit,
+    EmPlan, FitPlan, Frames, LandmarkChoice, Method, MetricPlan, Model, NeighborsTrial, Origin, ResponsePlan,
+    Scale, SensorLayout, file, fit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -51,9 +52,9 @@ fn swiss_roll(n_frames: usize) -> Frames {
 
 fn tried(frames: &Frames) -> Vec<NeighborsTrial> {
     let n_listed = N_NEIGHBORS_TRIED_MAX.min(frames.n_frames() - 1);
-    let lists = nearest_of_each(frames, n_listed, &mut |_| ());
+    let lists = nearest_of_each(frames, &Euclidean, n_listed, &mut |_| ());
     let landmarks: Vec<u32> = (0..frames.n_frames() as u32).step_by(5).collect();
-    try_neighbors(frames, &lists, &landmarks, None, &mut |_, _| ())
+    try_neighbors(frames, &Euclidean, &lists, &landmarks, None, &mut |_, _| ())
 }
 
 fn numbers(trials: &[NeighborsTrial]) -> Vec<usize> {
@@ -82,7 +83,7 @@ fn what_is_tried_begins_where_nearly_all_frames_are_on_one_island() {
     let frames = cube(3, 400);
     let trials = tried(&frames);
     assert_eq!(numbers(&trials), (trials[0].n_neighbors..=N_NEIGHBORS_TRIED_MAX).collect::<Vec<_>>());
-    let lists = nearest_of_each(&frames, N_NEIGHBORS_TRIED_MAX, &mut |_| ());
+    let lists = nearest_of_each(&frames, &Euclidean, N_NEIGHBORS_TRIED_MAX, &mut |_| ());
     let islands = |n_neighbors| Graph::union(&lists, n_neighbors).islands();
     let is_one = |islands: &[Vec<u32>]| islands.len() <= 4 && islands[0].len() >= 380;
     let fewest = trials[0].n_neighbors;
@@ -106,11 +107,11 @@ proptest! {
     #[test]
     fn bridges_handed_up_are_those_of_joining_each_graph_anew(counts in prop::collection::vec(0..60_000_u16, 40..80)) {
         let frames = Frames::new(1, counts);
-        let lists = nearest_of_each(&frames, N_NEIGHBORS_TRIED_MAX, &mut |_| ());
+        let lists = nearest_of_each(&frames, &Euclidean, N_NEIGHBORS_TRIED_MAX, &mut |_| ());
         for trial in tried(&frames) {
             let mut graph = Graph::union(&lists, trial.n_neighbors);
             prop_assert_eq!(trial.n_islands, graph.islands().len());
-            let squared = |a: u32, b: u32| squared_distance(frames.row(a as usize), frames.row(b as usize));
+            let squared = |a: u32, b: u32| Euclidean.squared_distance(frames.row(a as usize), frames.row(b as usize));
             let bridges: Vec<f32> = graph.join_islands(squared).iter().map(|bridge| bridge.length).collect();
             prop_assert_eq!(trial.bridges, bridges);
         }
@@ -173,7 +174,7 @@ fn a_trip_of_few_frames_is_tried_as_far_as_there_are_neighbours() {
 
 /// Both estimates of frames.
 fn intrinsic(frames: &Frames) -> [f64; 2] {
-    let lists = nearest_of_each(frames, N_NEIGHBORS_USED, &mut |_| ());
+    let lists = nearest_of_each(frames, &Euclidean, N_NEIGHBORS_USED, &mut |_| ());
     [two_nn(&lists).unwrap(), maximum_likelihood(&lists).unwrap()]
 }
 
@@ -199,7 +200,7 @@ fn planes_rolls_and_cubes_have_the_dimensions_that_they_have() {
 fn frames_seen_twice_change_no_estimate() {
     let once = cube(3, 300);
     let twice = Frames::new(50, [once.counts(), once.counts()].concat());
-    let lists = |frames: &Frames, k| nearest_of_each(frames, k, &mut |_| ());
+    let lists = |frames: &Frames, k| nearest_of_each(frames, &Euclidean, k, &mut |_| ());
     let relative = |of: fn(&NeighborLists) -> Option<f64>| {
         // A frame's other self, and those of its twenty neighbours.
         (of(&lists(&twice, 41)).unwrap() / of(&lists(&once, 20)).unwrap() - 1.0).abs()
@@ -218,6 +219,7 @@ fn as_they_are(landmark_choice: LandmarkChoice, n_neighbors: Option<usize>) -> F
     FitPlan {
         sensor: SensorLayout { rows: 1, columns: 50, metres_per_count: 1.0 },
         response: ResponsePlan::new(Scale::Range, 65_535.0),
+        metric: MetricPlan::Euclidean,
         method: Method::Isomap,
         n_neighbors,
         n_landmarks: 60,

@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use kinds_model::{
-    Classifier, EmPlan, FitPlan, LandmarkChoice, Method, Model, Origin, ResponsePlan, Scale, SensorLayout,
-    fit,
+    Classifier, EmPlan, FitPlan, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale,
+    SensorLayout, fit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -21,6 +21,7 @@ fn plan(method: Method) -> FitPlan {
     FitPlan {
         sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
         response: ResponsePlan::new(Scale::Range, 65.535),
+        metric: MetricPlan::Euclidean,
         method,
         n_neighbors: Some(5),
         n_landmarks: usize::MAX,

@@ -65,7 +65,9 @@ pub(crate) fn headline(evaluation: &Evaluation) -> String {
 /// The methods side by side, for a person: a line each, and one of titles.
 pub(crate) fn table(evaluation: &Evaluation) -> Vec<String> {
     let methods = &evaluation.methods;
-    let rows = [("Isomap", methods.isomap), ("PCA", methods.pca), ("random", methods.random)];
+    let native = methods.native.map(|native| ("native", native));
+    let rows = [("Isomap", methods.isomap), ("PCA", methods.pca)].into_iter().chain(native);
+    let rows = rows.chain([("random", methods.random)]);
     let line = |(name, scores): (&str, MethodScores)| {
         format!(
             "{name:6} {:>5} {:>6} {:>10.1} % {:>5.1} % {:>6.2} {:>5.2} {:>11.1} %",

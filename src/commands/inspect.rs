@@ -34,7 +34,7 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<(), Failure> {
 }
 
 fn describe(model: &Model) -> String {
-    let Manifest { plan, n_frames, n_neighbors, n_dims, n_kinds, provenance, .. } = model.manifest();
+    let Manifest { plan, n_frames, n_neighbors, n_kinds, provenance, .. } = model.manifest();
     let response = &plan.response;
     let mut lines = vec![
         ("model", model.id().to_string()),
@@ -51,6 +51,7 @@ fn describe(model: &Model) -> String {
                 response.invalid_range_m
             ),
         ),
+        ("compared by", plan.metric.to_string()),
         (
             "frames",
             format!(
@@ -58,20 +59,7 @@ fn describe(model: &Model) -> String {
                 provenance.origin.n_frames_invalid
             ),
         ),
-        (
-            "method",
-            format!(
-                "{}: {n_neighbors} neighbours, {} landmarks{}",
-                method_name(plan.method),
-                plan.n_landmarks,
-                match plan.landmark_choice {
-                    _ if plan.n_landmarks == *n_frames => "",
-                    LandmarkChoice::Random => " at random",
-                    LandmarkChoice::Farthest => " by farthest point",
-                    LandmarkChoice::KMeans => " by k-means",
-                },
-            ),
-        ),
+        ("method", format!("{}: {}", method_name(plan), how(model))),
     ];
     if !provenance.islands.is_empty() {
         let (islands, bridges) = (provenance.islands.len(), provenance.bridges.len());
@@ -80,21 +68,13 @@ fn describe(model: &Model) -> String {
             format!("{islands} {}, {bridges} bridges", if islands == 1 { "island" } else { "islands" }),
         ));
     }
-    let residual: Vec<String> =
-        provenance.residual_variance.iter().take(15).map(|share| format!("{share:.3}")).collect();
+    lines.push(("dimensions", dimensions(model)));
+    lines.push(("intrinsic", intrinsic(&provenance.intrinsic_dims)));
+    if model.embedding().is_some() {
+        let percent = 100.0 * provenance.negative_share;
+        lines.push(("negative", format!("{percent:.1} % of the eigenvalues' magnitude")));
+    }
     lines.extend([
-        (
-            "dimensions",
-            format!(
-                "{n_dims}, {}: elbow at {}, within the tolerance from {}; residual variance of 1, 2, …: {}",
-                asked_or_evidence(plan.n_dims),
-                provenance.elbow,
-                provenance.n_dims_within_tolerance,
-                residual.join(" ")
-            ),
-        ),
-        ("intrinsic", intrinsic(&provenance.intrinsic_dims)),
-        ("negative", format!("{:.1} % of the eigenvalues' magnitude", 100.0 * provenance.negative_share)),
         (
             "kinds",
             format!(
@@ -104,6 +84,13 @@ fn describe(model: &Model) -> String {
                 provenance.bic,
                 provenance.n_iterations,
                 if provenance.converged { "" } else { " (not converged)" }
+            ),
+        ),
+        (
+            "largest kind",
+            format!(
+                "has {:.1} % of the frames, by most probable kind",
+                100.0 * provenance.largest_kind_share
             ),
         ),
         (
@@ -124,6 +111,39 @@ fn describe(model: &Model) -> String {
         text += &curve(&provenance.kinds_tried, *n_kinds);
     }
     text
+}
+
+/// Neighbours and landmarks.
+fn how(model: &Model) -> String {
+    let Manifest { plan, n_frames, n_neighbors, .. } = model.manifest();
+    match model.landmarks().len() {
+        0 => format!("{n_neighbors} neighbours, no landmarks"),
+        n_landmarks => {
+            let choice = match plan.landmark_choice {
+                _ if n_landmarks == *n_frames => "",
+                LandmarkChoice::Random => " at random",
+                LandmarkChoice::Farthest => " by farthest point",
+                LandmarkChoice::KMeans => " by k-means",
+            };
+            format!("{n_neighbors} neighbours, {n_landmarks} landmarks{choice}")
+        }
+    }
+}
+
+fn dimensions(model: &Model) -> String {
+    let Manifest { plan, n_dims, provenance, .. } = model.manifest();
+    if model.embedding().is_none() {
+        return format!("{n_dims}, one for each reading");
+    }
+    let residual: Vec<String> =
+        provenance.residual_variance.iter().take(15).map(|share| format!("{share:.3}")).collect();
+    format!(
+        "{n_dims}, {}: elbow at {}, within the tolerance from {}; residual variance of 1, 2, …: {}",
+        asked_or_evidence(plan.n_dims),
+        provenance.elbow,
+        provenance.n_dims_within_tolerance,
+        residual.join(" ")
+    )
 }
 
 fn asked_or_evidence(asked: Option<usize>) -> &'static str {

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use kinds_model::neighborhood::{candidates, chosen, runner_up, short_circuits};
 use kinds_model::residual_variance::TOLERANCE;
-use kinds_model::{IntrinsicDims, KindsTrial, Manifest, Method, Model, NeighborsTrial, Scale};
+use kinds_model::{
+    FitPlan, IntrinsicDims, KindsTrial, Manifest, Method, MetricPlan, Model, NeighborsTrial, Scale,
+};
 use kinds_trainer::report::kinds_agreement;
 use kinds_trainer::{Config, MethodChoice, PcaModels, Trained};
 
@@ -87,7 +89,7 @@ fn write_and_say(path: &Path, model: &Model) -> Result<(), Failure> {
 /// How alike the kinds of both methods are.
 fn agreement(isomap: &Model, pca: &PcaModels) -> String {
     let agreement = |model: &Model| {
-        let (n_dims, n_kinds) = (model.embedding().n_dims(), model.mixture().n_kinds());
+        let (n_dims, n_kinds) = (model.manifest().n_dims, model.mixture().n_kinds());
         let ami = kinds_agreement(isomap, model);
         format!("{ami:.2} at {n_dims} dimensions and {n_kinds} {}", kinds_word(n_kinds))
     };
@@ -118,14 +120,15 @@ fn read_config(path: &Path) -> Result<Config, Failure> {
 /// What was learnt, in a line.
 pub(crate) fn summary(model: &Model) -> String {
     let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = model.manifest();
+    let left = provenance.residual_variance.get(n_dims - 1);
     format!(
-        "learnt {n_kinds} {} from {n_frames} frames of {} readings: {} of {} in {n_dims} dimensions, residual variance \
-         {:.4}",
+        "learnt {n_kinds} {} from {n_frames} frames of {} readings: {} of {} by {} in {n_dims} dimensions{}",
         kinds_word(*n_kinds),
         plan.sensor.n_readings(),
-        method_name(plan.method),
+        method_name(plan),
         scale_name(plan.response.scale),
-        provenance.residual_variance[n_dims - 1],
+        plan.metric,
+        left.map(|left| format!(", residual variance {left:.4}")).unwrap_or_default(),
     )
 }
 
@@ -133,7 +136,7 @@ pub(crate) fn summary(model: &Model) -> String {
 pub(crate) fn choices(model: &Model) -> Vec<String> {
     let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = model.manifest();
     let mut lines: Vec<String> = neighbors_choice(&provenance.neighbors_tried).into_iter().collect();
-    if plan.n_dims.is_none() {
+    if plan.n_dims.is_none() && model.embedding().is_some() {
         let elbow = provenance.elbow;
         lines.push(format!(
             "dimensions: {n_dims}, the elbow of the residual variance at {elbow} and {} more; within {TOLERANCE} of the \
@@ -192,10 +195,12 @@ pub(crate) fn intrinsic(dims: &IntrinsicDims) -> String {
     )
 }
 
-pub(crate) fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Isomap => "Isomap",
-        Method::Pca => "principal components",
+pub(crate) fn method_name(plan: &FitPlan) -> &'static str {
+    match (plan.method, &plan.metric) {
+        (Method::Isomap, _) => "Isomap",
+        (Method::Pca, MetricPlan::Euclidean | MetricPlan::Weighted(_)) => "principal components",
+        (Method::Pca, MetricPlan::Ring { .. }) => "classical scaling",
+        (Method::Native, _) => "native space",
     }
 }
 

@@ -64,6 +64,38 @@ fn landmarks_that_cannot_be_are_refused_with_what_can() {
 }
 
 #[test]
+fn a_metric_that_cannot_be_is_refused_with_what_can() {
+    let robot = Robot::trained();
+    let train = ["train", FIRST, "--output", MODEL];
+    for metric in ["weighted", "rings:0", "rings:some", "ring:2"] {
+        robot.refuse(
+            &[&train[..], &["--metric", metric]].concat(),
+            2,
+            &format!(
+                "error: invalid value '{metric}' for '--metric <euclidean|ring|rings:N>': metric is {metric}; it must be \
+                 euclidean, ring (each row of the sensor is one), or a number of rings such as rings:2; weights are given in a \
+                 configuration file"
+            ),
+        );
+    }
+    robot.refuse(
+        &[&train[..], &["--metric", "rings:3"]].concat(),
+        1,
+        "cannot train: metric: 1 × 16 readings are not 3 rings of equal length, each within a row and of at least 2 readings; ask \
+         for another number of rings",
+    );
+    robot.write("weights.ron", "(metric: Weighted([1, 2, 3]))");
+    robot.refuse_with(
+        &[&train[..], &["--config", "weights.ron"]].concat(),
+        1,
+        &["cannot train: metric: 3 weights were given and the sensor has 16 readings; give one weight for each"],
+    );
+    robot.write("metric.ron", "(metric: manhattan)");
+    let config = [&train[..], &["--config", "metric.ron"]].concat();
+    robot.refuse_with(&config, 2, &["configuration metric.ron: line 1, column ", "manhattan"]);
+}
+
+#[test]
 fn evaluation_numbers_beyond_their_limits_are_refused_with_value_and_limit() {
     let robot = Robot::trained();
     for (flag, value, parts) in [

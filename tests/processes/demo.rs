@@ -50,7 +50,7 @@ fn assert_table_1_is_that_of_the_models(robot: &Robot, stdout: &str) {
     assert!(lines.any(|line| line == "Table 1  readings  dims  kinds"), "{stdout}");
     for (name, file) in [("Isomap", "model.kinds"), ("PCA", "pca.kinds")] {
         let model = crate::world::open_model(&robot.path("results").join(file));
-        let expected = format!("{name} 16 {} {}", model.embedding().n_dims(), model.mixture().n_kinds());
+        let expected = format!("{name} 16 {} {}", model.manifest().n_dims, model.mixture().n_kinds());
         let row: Vec<&str> = lines.next().unwrap().split_whitespace().collect();
         assert_eq!(row.join(" "), expected);
     }

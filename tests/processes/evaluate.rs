@@ -60,6 +60,25 @@ fn evaluation_has_the_fields_that_scripts_rely_on_and_kinds_are_better_than_chan
 }
 
 #[test]
+fn a_model_of_native_space_is_compared_with_both_methods_of_as_many_kinds() {
+    let robot = Robot::new();
+    let train = ["train", DEMO[0], "--output", MODEL, "--method", "native", "--kinds", "5"];
+    robot.succeed(&train);
+    let methods = &evaluate(&robot, &[])["methods"];
+    assert_eq!(fields(methods), ["isomap", "native", "pca", "random"]);
+    for method in ["isomap", "native", "pca", "random"] {
+        assert_eq!(methods[method]["n_kinds"], 5, "{method}");
+    }
+    assert_eq!(
+        (&methods["native"]["n_dims"], &methods["pca"]["n_dims"]),
+        (&16.into(), &methods["isomap"]["n_dims"])
+    );
+    let told = robot.succeed(&["evaluate", MODEL, DEMO[0], DEMO[1]]);
+    let names: Vec<&str> = told.lines().skip(3).filter_map(|line| line.split(' ').next()).collect();
+    assert_eq!(names, ["Isomap", "PCA", "native", "random"], "{told}");
+}
+
+#[test]
 fn a_model_of_either_method_is_compared_with_the_other() {
     let robot = Robot::new();
     train(&robot, "isomap");

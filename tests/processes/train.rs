@@ -3,6 +3,7 @@
 use serde_json::Value;
 
 use crate::robot::{FIRST, MODEL, Robot, SECOND, SIZE};
+use crate::world::Trip;
 
 fn inspect(robot: &Robot, model: &str) -> Value {
     serde_json::from_str(&robot.succeed(&["inspect", model, "--json"])).unwrap()
@@ -25,16 +26,16 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
     let robot = Robot::trained();
     robot.write(
         "config.ron",
-        "// Everything that there is.\n(response: log, range_m_max: 5.0, invalid_range_m: 4.5, offset_m: 0.2, method: \
-         pca, neighbors: 7, landmarks: \"75%\", landmark_choice: k_means, dims: 3, kinds: 4, covariance: \
+        "// Everything that there is.\n(response: log, range_m_max: 5.0, invalid_range_m: 4.5, offset_m: 0.2, metric: rings(2), method: \
+         pca, neighbors: 7, landmarks: \"75%\", landmark_choice: farthest, dims: 3, kinds: 4, covariance: \
          tied, starts: 2, covariance_floor: 0.01, seed: 3, \
          metres_per_count: 0.002, frames_topic: \"/ring\", poses_topic: \"/odom\")",
     );
     robot.succeed(&["train", FIRST, "--output", "file.kinds", "--config", "config.ron"]);
     #[rustfmt::skip]
     let flags = [
-        "--response", "log", "--range-m-max", "5", "--invalid-range-m", "4.5", "--offset-m", "0.2", "--method", "pca",
-        "--neighbors", "7", "--landmarks", "75%", "--landmark-choice", "k-means", "--dims", "3", "--kinds", "4",
+        "--response", "log", "--range-m-max", "5", "--invalid-range-m", "4.5", "--offset-m", "0.2", "--metric", "rings:2", "--method", "pca",
+        "--neighbors", "7", "--landmarks", "75%", "--landmark-choice", "farthest", "--dims", "3", "--kinds", "4",
         "--covariance", "tied", "--starts", "2",
         "--covariance-floor", "0.01", "--seed", "3", "--metres-per-count", "0.002", "--frames-topic", "/ring",
         "--poses-topic", "/odom",
@@ -51,13 +52,14 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
         ("method", "Pca".into()),
         ("n_neighbors", 7.into()),
         ("n_landmarks", 120.into()),
-        ("landmark_choice", "KMeans".into()),
+        ("landmark_choice", "Farthest".into()),
         ("n_dims", 3.into()),
         ("seed", Value::from(3)),
     ] {
         assert_eq!((&file[name], &over[name]), (&value, &value), "{name}");
     }
     assert_eq!(over["response"], file["response"]);
+    assert_eq!(file["metric"], serde_json::json!({"Ring": {"n_rings": 2}}));
     assert_eq!(
         file["response"],
         serde_json::json!({"scale": "Log", "range_m_max": 5.0, "invalid_range_m": 4.5, "offset_m": 0.2})
@@ -70,8 +72,8 @@ fn training_says_what_was_learnt_and_where_it_is() {
     let robot = Robot::trained();
     let told = robot.succeed(&[&["train", FIRST, SECOND, "--output", "both.kinds"][..], &SIZE].concat());
     let (learnt, wrote) = told.trim_end().split_once('\n').unwrap();
-    let beginning = "learnt 5 kinds from 290 frames of 16 readings: Isomap of inverse ranges in 8 dimensions, residual \
-                     variance 0.";
+    let beginning = "learnt 5 kinds from 290 frames of 16 readings: Isomap of inverse ranges by euclidean distances in 8 \
+                     dimensions, residual variance 0.";
     assert!(learnt.starts_with(beginning), "{learnt}");
     let model = crate::world::open_model(&robot.path("both.kinds"));
     let n_mb = robot.read("both.kinds").len() as f64 / 1e6;
@@ -212,6 +214,80 @@ fn the_number_of_neighbours_is_chosen_and_both_train_and_inspect_say_why() {
 }
 
 #[test]
+fn train_and_inspect_name_the_metric_and_what_it_makes_of_principal_components() {
+    let robot = Robot::trained();
+    let weights = vec!["1"; 15].join(", ");
+    robot.write("weighted.ron", format!("(metric: Weighted([{weights}, 0.5]))"));
+    for (flags, metric, method) in [
+        (["--config", "weighted.ron"], "distances with 16 weights", "principal components"),
+        (["--metric", "ring"], "least distances over all turns of the ring", "classical scaling"),
+        (["--metric", "rings:2"], "least distances over all turns of 2 rings", "classical scaling"),
+    ] {
+        let train =
+            [&["train", FIRST, "--output", "some.kinds", "--method", "pca"][..], &SIZE, &flags].concat();
+        let told = robot.succeed(&train);
+        let learnt =
+            format!("160 frames of 16 readings: {method} of inverse ranges by {metric} in 8 dimensions, ");
+        assert!(told.contains(&learnt), "no {learnt:?} in {told}");
+        let text = robot.succeed(&["inspect", "some.kinds"]);
+        for line in
+            [format!("compared by  {metric}"), format!("method       {method}: 10 neighbours, 160 landmarks")]
+        {
+            assert!(text.lines().any(|found| found == line), "no {line:?} in {text}");
+        }
+    }
+}
+
+#[test]
+fn native_space_says_how_much_of_the_trip_is_of_one_kind() {
+    let robot = Robot::trained();
+    let train = ["train", FIRST, "--output", "native.kinds", "--method", "native", "--kinds", "4"];
+    let outcome = robot.run(&[&train[..], &["--report", "report"]].concat());
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    let inspection = inspect(&robot, "native.kinds");
+    let share = inspection["provenance"]["largest_kind_share"].as_f64().unwrap();
+    assert!((0.25..1.0).contains(&share), "{share}");
+    let percent = format!("{:.1} % of the frames", 100.0 * share);
+    let remark = format!(
+        "in native space {percent} are of the largest of 4 kinds; one giant kind is consistent and useless: compare with Isomap's"
+    );
+    assert!(outcome.stderr.lines().any(|line| line == format!("kinds: {remark}")), "{outcome:?}");
+    let learnt = "learnt 4 kinds from 160 frames of 16 readings: native space of inverse ranges by euclidean distances in 16 \
+                  dimensions";
+    assert_eq!(outcome.stdout.lines().next(), Some(learnt));
+    let report = String::from_utf8(robot.read("report/report.html")).unwrap();
+    for words in [
+        &*remark,
+        "native space: the readings as they are, 16 dimensions",
+        "One for each reading: in native space nothing is embedded.",
+    ] {
+        assert!(report.contains(words), "no {words:?} in the report");
+    }
+
+    let text = robot.succeed(&["inspect", "native.kinds"]);
+    for line in [
+        "method       native space: 10 neighbours, no landmarks",
+        "dimensions   16, one for each reading",
+        &format!("largest kind has {percent}, by most probable kind"),
+    ] {
+        assert!(text.lines().any(|found| found == line), "no {line:?} in {text}");
+    }
+    assert!(!text.contains("\nnegative "), "{text}");
+}
+
+#[test]
+fn native_space_of_many_readings_is_refused_with_the_reason() {
+    let robot = Robot::new();
+    Trip { n_readings: 40, n_frames: 50, ..Trip::FIRST }.write(&robot.path(FIRST));
+    robot.refuse(
+        &["train", FIRST, "--output", MODEL, "--method", "native"],
+        1,
+        "cannot train: native space is for sensors of at most 32 readings and this one has 40: the full covariance of one kind \
+         would have 40·41/2 = 820 parameters, and there are 50 frames; use isomap",
+    );
+}
+
+#[test]
 fn inspect_says_how_landmarks_were_chosen() {
     let robot = Robot::trained();
     for (choice, words) in
@@ -253,6 +329,7 @@ fn inspect_says_what_is_in_a_model() {
         &format!("model        {}", model.id()),
         "learnt from  first.mcap",
         "sensor       16 readings (1 × 16) of 0.001 m a count",
+        "compared by  euclidean distances",
         "frames       160 reference frames; 0 without any valid reading left out",
         "method       Isomap: 10 neighbours, 160 landmarks",
         "kind  weight",

@@ -127,7 +127,7 @@ fn both_methods_make_a_model_each_of_their_own_size_and_one_of_the_same() {
     assert!(robot.read("new.v2.pca.kinds") == robot.read("pca.kinds"));
     let models = ["new.v2.kinds", "new.v2.pca.kinds", "new.v2.pca-matched.kinds"]
         .map(|name| open_model(&robot.path(name)));
-    let size = |model: &Model| (model.embedding().n_dims(), model.mixture().n_kinds());
+    let size = |model: &Model| (model.manifest().n_dims, model.mixture().n_kinds());
     let (n_dims, n_kinds) = (size(&models[0]).0.to_string(), size(&models[0]).1.to_string());
     let matched = ["--method", "pca", "--dims", &n_dims, "--kinds", &n_kinds];
     train(&[&matched[..], &["--output", "matched.kinds"]].concat());
@@ -184,7 +184,7 @@ fn where_there_are_fewer_principal_components_than_isomap_has_dimensions_there_i
     // What comes of the evidence need not.
     let outcome = robot.run(&[&train[..], &["--report", "report"]].concat());
     assert_eq!(outcome.code, Some(0), "{outcome:?}");
-    assert!(open_model(&robot.path(MODEL)).embedding().n_dims() > 2, "{outcome:?}");
+    assert!(open_model(&robot.path(MODEL)).manifest().n_dims > 2, "{outcome:?}");
     let beginning = "kinds: principal components: none are of Isomap's size: ";
     assert!(outcome.stderr.lines().any(|line| line.starts_with(beginning)), "{outcome:?}");
     assert_eq!(open_model(&robot.path("m.pca.kinds")).manifest().n_kinds, 2);

@@ -37,6 +37,16 @@ fn at_a_multiple_of_the_pace_every_frame_gets_one_report_equal_to_classifying_it
 }
 
 #[test]
+fn reports_by_the_ring_metric_equal_classifying_here() {
+    check(&["--metric", "rings:2"], 130, "max");
+}
+
+#[test]
+fn reports_of_native_space_equal_classifying_here() {
+    check(&["--method", "native"], 130, "max");
+}
+
+#[test]
 fn reports_of_principal_components_equal_classifying_here() {
     check(&["--method", "pca", "--response", "range"], 130, "max");
 }

@@ -8,6 +8,7 @@ use kinds_trips::Selection;
 use serde::Deserialize;
 
 use crate::landmark_number::LandmarkNumber;
+use crate::metric_choice::MetricChoice;
 
 /// Training as a RON file says it. Every field may be left out; then the sensor and the trips decide.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -21,7 +22,11 @@ pub struct Config {
     pub invalid_range_m: Option<f64>,
     /// Offset of the log and inverse scales, metres, above 0. Default: 0.3.
     pub offset_m: Option<f64>,
-    /// Isomap, PCA, or both of them side by side. Default: Isomap.
+    /// How far apart frames are on that scale: `euclidean`; `Weighted([1, 1, 0.5])`, a weight of at least 0 for each reading;
+    /// `ring`, at the nearest turn, each row of the sensor being a ring; or `rings(2)`, where the readings are so many rings.
+    /// Default: euclidean.
+    pub metric: Option<MetricChoice>,
+    /// Isomap, PCA, both of them side by side, or native space. Default: Isomap.
     pub method: Option<MethodChoice>,
     /// Neighbours in the graph, at least 1. Default: the fewest of 10 to 30 that leave few frames beyond bridges and
     /// a residual variance within 0.01 of the least; fewer than 10 where so many make a short circuit.
@@ -59,6 +64,9 @@ pub enum MethodChoice {
     /// One, by principal components.
     #[serde(alias = "pca")]
     Pca,
+    /// One, of the readings as they are.
+    #[serde(alias = "native")]
+    Native,
     /// One by geodesics, and two by principal components to compare it with: one of their own size and one of its.
     #[serde(alias = "both")]
     Both,
@@ -118,6 +126,7 @@ impl Config {
             range_m_max: over.range_m_max.or(self.range_m_max),
             invalid_range_m: over.invalid_range_m.or(self.invalid_range_m),
             offset_m: over.offset_m.or(self.offset_m),
+            metric: over.metric.or(self.metric),
             method: over.method.or(self.method),
             neighbors: over.neighbors.or(self.neighbors),
             landmarks: over.landmarks.or(self.landmarks),
@@ -204,9 +213,11 @@ impl Config {
                 offset_m: self.offset_m.unwrap_or(usual.offset_m),
                 ..usual
             },
+            metric: self.metric.as_ref().map(|choice| choice.plan(sensor)).unwrap_or_default(),
             method: match self.method {
                 None | Some(MethodChoice::Isomap | MethodChoice::Both) => Method::Isomap,
                 Some(MethodChoice::Pca) => Method::Pca,
+                Some(MethodChoice::Native) => Method::Native,
             },
             n_neighbors: self.neighbors,
             n_landmarks: self.landmarks.unwrap_or(USUAL_LANDMARKS).of(counts.len() / sensor.n_readings()),

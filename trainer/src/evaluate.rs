@@ -1,5 +1,5 @@
 //! Evaluates models on two trips: Isomap, principal components and random kinds, at the same number of dimensions and
-//! kinds.
+//! kinds; beside them native space, where that is what is evaluated.
 //!
 //! Find where trips meet ([`Meeting`]), fit the other method once ([`Rivals`]), then [`evaluate`], for as many pairs of
 //! trips as there are.
@@ -45,13 +45,16 @@ pub struct Evaluation {
     pub isomap_kinds: [Vec<usize>; 2],
 }
 
-/// The three methods.
+/// The methods, all with as many kinds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Methods {
     /// Geodesics.
     pub isomap: MethodScores,
-    /// Euclidean distances.
+    /// Straight distances, in as many dimensions as Isomap.
     pub pca: MethodScores,
+    /// The readings as they are, if that is the model's method.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub native: Option<MethodScores>,
     /// Every frame's kind drawn at random.
     pub random: MethodScores,
 }
@@ -205,35 +208,42 @@ impl<'a> Meeting<'a> {
     }
 }
 
-/// A model of either method, with the same frames, landmarks, number of dimensions and number of kinds.
+/// A model of either method, with the same frames, landmarks, number of dimensions and number of kinds, and perhaps one of
+/// the frames as they are, with the same number of kinds.
 #[derive(Clone, Debug)]
 pub struct Rivals {
     /// Geodesics.
     pub isomap: Model,
-    /// Euclidean distances.
+    /// Straight distances.
     pub pca: Model,
+    /// No embedding.
+    pub native: Option<Model>,
 }
 
 impl Rivals {
-    /// Fits a rival to a model: the method that it does not use, to its reference frames.
+    /// Fits the rivals of a model: the methods that it does not use, to its reference frames.
+    ///
+    /// Native space has no dimensions to match: of a model of it, Isomap's rival has as many as the evidence speaks for, and
+    /// that of principal components as many as Isomap's.
     ///
     /// # Errors
-    /// If the other method cannot be fitted with as many dimensions and kinds.
+    /// If another method cannot be fitted with as many dimensions and kinds.
     pub fn of(model: Model, progress: &mut Progress) -> Result<Self, EvaluateError> {
-        let mut rival = |method, name| {
-            refit(&model, method, Size::Matched, &mut fitting(progress))
-                .map_err(|error| EvaluateError::Refit { method: name, error })
+        let mut isomap_of = |model: &Model, size| {
+            refit(model, Method::Isomap, size, &mut fitting(progress))
+                .map_err(|error| EvaluateError::Refit { method: "Isomap", error })
         };
-        match model.manifest().plan.method {
-            Method::Isomap => {
-                let pca = rival(Method::Pca, "principal components")?;
-                Ok(Self { isomap: model, pca })
-            }
+        let (isomap, native) = match model.manifest().plan.method {
             Method::Pca => {
-                let isomap = rival(Method::Isomap, "Isomap")?;
-                Ok(Self { isomap, pca: model })
+                let isomap = isomap_of(&model, Size::Matched)?;
+                return Ok(Self { isomap, pca: model, native: None });
             }
-        }
+            Method::Isomap => (model, None),
+            Method::Native => (isomap_of(&model, Size::SameKinds)?, Some(model)),
+        };
+        let pca = refit(&isomap, Method::Pca, Size::Matched, &mut fitting(progress))
+            .map_err(|error| EvaluateError::Refit { method: "principal components", error })?;
+        Ok(Self { isomap, pca, native })
     }
 }
 
@@ -242,25 +252,29 @@ impl Rivals {
 /// # Panics
 /// If the trips are not of the models' sensor: a bug of the caller, whom [`Meeting::find`] asked for it.
 pub fn evaluate(rivals: &Rivals, meeting: &Meeting, progress: &mut Progress) -> Evaluation {
-    let Rivals { isomap, pca } = rivals;
+    let Rivals { isomap, pca, native } = rivals;
     assert_eq!(meeting.layout, isomap.layout(), "trips and models are of one sensor");
-    let n_frames = 2 * meeting.trips.iter().map(|trip| trip.frames.len() as u64).sum::<u64>();
+    let n_methods = 2 + u64::from(native.is_some());
+    let n_frames = n_methods * meeting.trips.iter().map(|trip| trip.frames.len() as u64).sum::<u64>();
     let mut n_done = 0;
     let mut classified = || {
         n_done += 1;
         progress(Stage::Classifying, n_done, n_frames);
     };
-    let by_method = [isomap, pca].map(|model| meeting.classify(model, &mut classified));
-    let [isomap_kinds, pca_kinds] = by_method;
-    let (n_dims, n_kinds) = (isomap.embedding().n_dims(), isomap.mixture().n_kinds());
+    let mut score = |model: &Model| {
+        let kinds = meeting.classify(model, &mut classified);
+        (meeting.score(model.manifest().n_dims, model.mixture().n_kinds(), &kinds), kinds)
+    };
+    let (isomap, isomap_kinds) = score(isomap);
     Evaluation {
         radius_m: meeting.plan.radius_m,
         share: meeting.plan.share,
         revisited: meeting.revisits.share_revisited(),
         methods: Methods {
-            isomap: meeting.score(n_dims, n_kinds, &isomap_kinds),
-            pca: meeting.score(n_dims, n_kinds, &pca_kinds),
-            random: meeting.score(0, n_kinds, &meeting.random(n_kinds)),
+            isomap,
+            pca: score(pca).0,
+            native: native.as_ref().map(|native| score(native).0),
+            random: meeting.score(0, isomap.n_kinds, &meeting.random(isomap.n_kinds)),
         },
         isomap_kinds,
     }

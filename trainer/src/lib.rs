@@ -10,6 +10,7 @@ mod consistency;
 mod evaluate;
 mod landmark_number;
 mod load;
+mod metric_choice;
 mod progress;
 pub mod report;
 mod runs;
@@ -24,6 +25,7 @@ pub use evaluate::{
 };
 pub use landmark_number::{LandmarkNumber, LandmarkNumberError};
 pub use load::{LoadError, LoadedTrip, load};
+pub use metric_choice::{MetricChoice, MetricChoiceError};
 pub use progress::{Progress, Stage};
 pub use runs::Runs;
 pub use track::Track;

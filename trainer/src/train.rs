@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use kinds_model::evidence::{N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out};
-use kinds_model::{FitError, KindsTrial, Method, Model, Origin, SensorLayout, Size, fit, refit};
+use kinds_model::{FitError, KindsTrial, Manifest, Method, Model, Origin, SensorLayout, Size, fit, refit};
 
 use crate::config::{Config, ConfigError, MethodChoice};
 use crate::load::{LoadError, load};
@@ -95,6 +95,7 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
     let model = fit(counts, &plan, origin, &mut fitting(progress)).map_err(TrainError::Fit)?;
     remarks.extend(remark_on_islands(&model));
     remarks.extend(remark_on_kinds(&model.manifest().provenance.kinds_tried));
+    remarks.extend(remark_on_native_space(&model));
     let pca = match config.method {
         Some(MethodChoice::Both) => Some(PcaModels::beside(&model, &mut remarks, progress)?),
         _ => None,
@@ -144,6 +145,18 @@ fn remark_on_islands(model: &Model) -> Option<String> {
         model.manifest().n_neighbors,
         bridges.len(),
     ))
+}
+
+/// How much of the trip is of one kind, where nothing was embedded: one giant kind is what the paper found.
+fn remark_on_native_space(model: &Model) -> Option<String> {
+    let Manifest { plan, n_kinds, provenance, .. } = model.manifest();
+    (plan.method == Method::Native).then(|| {
+        format!(
+            "in native space {:.1} % of the frames are of the largest of {n_kinds} kinds; one giant kind is consistent and useless: \
+             compare with Isomap's",
+            100.0 * provenance.largest_kind_share
+        )
+    })
 }
 
 /// Where the evidence for the number of kinds does not agree, or chooses an end of what was tried.

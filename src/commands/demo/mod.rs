@@ -157,7 +157,7 @@ fn refit_with_own_size(model: &Model) -> Result<Model, Failure> {
 fn say_table_1(own: [&Model; 2]) -> Result<(), Failure> {
     say("   Table 1  readings  dims  kinds")?;
     for (name, model) in ["Isomap", "PCA"].into_iter().zip(own) {
-        let (n_dims, n_kinds) = (model.embedding().n_dims(), model.mixture().n_kinds());
+        let (n_dims, n_kinds) = (model.manifest().n_dims, model.mixture().n_kinds());
         say(format!("   {name:7} {:9} {n_dims:5} {n_kinds:6}", model.layout().n_readings()))?;
     }
     Ok(())

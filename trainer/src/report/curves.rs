@@ -34,7 +34,7 @@ struct Curve<'a> {
 impl<'a> Curve<'a> {
     fn of(name: &'a str, model: &'a Model) -> Self {
         let Provenance { residual_variance, elbow, .. } = &model.manifest().provenance;
-        Self { name, variances: residual_variance, elbow: *elbow, kept: model.embedding().n_dims() }
+        Self { name, variances: residual_variance, elbow: *elbow, kept: model.manifest().n_dims }
     }
 
     fn pairs(&self) -> Vec<(f64, f64)> {
@@ -98,7 +98,7 @@ fn draw_residual_variance(curves: &[Curve]) -> Figure {
 /// The largest eigenvalues of the landmarks' centred products, and the share of the negative ones in all.
 pub fn spectrum(model: &Model) -> Figure {
     let provenance = &model.manifest().provenance;
-    let (eigenvalues, kept) = (&provenance.eigenvalues, model.embedding().n_dims());
+    let (eigenvalues, kept) = (&provenance.eigenvalues, model.manifest().n_dims);
     let (low, high) = range(eigenvalues.iter().copied().chain([0.0]));
     let low = if low < -0.05 * high { low } else { 0.0 };
     let mut chart = Chart::new(

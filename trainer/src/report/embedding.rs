@@ -25,7 +25,7 @@ struct Points<'a> {
 
 /// The embedding in its first three dimensions, seen along each of them, coloured by kind.
 pub fn embedding(model: &Model) -> Figure {
-    let n_dims = model.embedding().n_dims();
+    let n_dims = model.manifest().n_dims;
     let points = Points::of(model);
     let pairs: &[(usize, usize)] = match n_dims {
         1 => &[(0, 0)],
@@ -59,7 +59,7 @@ impl<'a> Points<'a> {
         let n_frames = model.manifest().n_frames;
         let n_drawn = n_frames.min(N_POINTS_MAX);
         let frames: Vec<usize> = (0..n_drawn).map(|index| index * n_frames / n_drawn).collect();
-        let n_dims = model.embedding().n_dims();
+        let n_dims = model.manifest().n_dims;
         let places: Vec<&[f64]> =
             frames.iter().map(|frame| &model.coordinates()[frame * n_dims..][..n_dims]).collect();
         let mut probabilities = vec![0.0; model.mixture().n_kinds()];

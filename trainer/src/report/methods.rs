@@ -35,7 +35,7 @@ pub fn method_table(models: &[(&str, &Model)]) -> Table {
     ]);
     let kinds: Vec<Vec<usize>> = models.iter().map(|(_, model)| responsibilities(model).1).collect();
     for (row, ((name, model), of_frames)) in models.iter().zip(&kinds).enumerate() {
-        let (n_dims, n_kinds) = (model.embedding().n_dims(), model.mixture().n_kinds());
+        let (n_dims, n_kinds) = (model.manifest().n_dims, model.mixture().n_kinds());
         let residual_variance = model.manifest().provenance.residual_variance.get(n_dims - 1);
         table.row(vec![
             name.to_string(),

@@ -53,7 +53,7 @@ pub use methods::{add_methods, kinds_agreement, method_table};
 pub use page::{Column, Page, ReportFile, Table};
 pub use path::kinds_on_path;
 pub use scores::{consistency, consistency_table};
-pub use sections::{add_evaluation, add_learnt_trips, add_model, add_trips};
+pub use sections::{add_evaluation, add_learnt_trips, add_model, add_trips, method_name};
 pub use time::kinds_along_time;
 pub use trip_kinds::TripKinds;
 pub use views::canonical_views;

@@ -63,10 +63,11 @@ pub fn consistency(evaluation: &Evaluation) -> Figure {
     let caption = format!(
         "Dot: share of the frames of the first trip, among those that the second came within {} m of, where more than \
          {:.0}\u{a0}% of the second trip's frames nearby have the same kind. Upright line: the same by chance, which is what \
-         remains when the second trip's kinds are shifted in time. κ is the way from chance to perfection. All at {} \
+         remains when the second trip's kinds are shifted in time. κ is the way from chance to perfection. {} at {} \
          dimensions and {} kinds.",
         evaluation.radius_m,
         100.0 * evaluation.share,
+        if evaluation.methods.native.is_some() { "Isomap and PCA" } else { "All" },
         evaluation.methods.isomap.n_dims,
         evaluation.methods.isomap.n_kinds
     );
@@ -94,9 +95,10 @@ pub fn consistency_table(evaluation: &Evaluation) -> Table {
     table
 }
 
-fn by_method(evaluation: &Evaluation) -> [(&'static str, MethodScores); 3] {
-    let Methods { isomap, pca, random } = evaluation.methods;
-    [("Isomap", isomap), ("PCA", pca), ("random", random)]
+fn by_method(evaluation: &Evaluation) -> Vec<(&'static str, MethodScores)> {
+    let Methods { isomap, pca, native, random } = evaluation.methods;
+    let native = native.map(|native| ("native space", native));
+    [("Isomap", isomap), ("PCA", pca)].into_iter().chain(native).chain([("random", random)]).collect()
 }
 
 /// A share in percent, to a tenth.

@@ -1,6 +1,6 @@
 //! What `train` and `evaluate` have to show, put on a page in the order in which a person asks.
 
-use kinds_model::{Covariance, FitPlan, Method, Model, Provenance, Scale};
+use kinds_model::{Covariance, FitPlan, Method, MetricPlan, Model, Provenance, Scale};
 
 use super::canonical::responsibilities;
 use super::page::Page;
@@ -26,10 +26,13 @@ pub fn add_model(page: &mut Page, model: &Model, rival: Option<&Model>, remarks:
     }
     page.section("How many dimensions");
     let both = [Some(model), rival].into_iter().flatten();
-    let named: Vec<(&str, &Model)> =
-        both.map(|model| (method_name(model.manifest().plan.method), model)).collect();
-    page.figure(residual_variance(&named));
-    page.figure(spectrum(model));
+    let named: Vec<(&str, &Model)> = both.map(|model| (method_name(model), model)).collect();
+    if model.embedding().is_some() {
+        page.figure(residual_variance(&named));
+        page.figure(spectrum(model));
+    } else {
+        page.paragraph("One for each reading: in native space nothing is embedded.");
+    }
     page.section("How many kinds");
     match kinds_tried(model) {
         Some(figure) => page.figure(figure),
@@ -90,17 +93,21 @@ pub fn add_evaluation(page: &mut Page, evaluation: &Evaluation) {
     page.figure(consistency(evaluation));
 }
 
-fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Isomap => "Isomap",
-        Method::Pca => "PCA",
+/// What a model's coordinates are made by, as tables and figures name it.
+pub fn method_name(model: &Model) -> &'static str {
+    let FitPlan { method, metric, .. } = &model.manifest().plan;
+    match (method, metric) {
+        (Method::Isomap, _) => "Isomap",
+        (Method::Pca, MetricPlan::Euclidean | MetricPlan::Weighted(_)) => "PCA",
+        (Method::Pca, MetricPlan::Ring { .. }) => "classical scaling",
+        (Method::Native, _) => "native space",
     }
 }
 
 fn facts(model: &Model) -> Vec<(&'static str, String)> {
-    let FitPlan { sensor, response, method, n_landmarks, em, seed, .. } = &model.manifest().plan;
+    let FitPlan { sensor, response, metric, method, n_landmarks, em, seed, .. } = &model.manifest().plan;
     let n_neighbors = model.manifest().n_neighbors;
-    let n_dims = model.embedding().n_dims();
+    let n_dims = model.manifest().n_dims;
     let Provenance { made_by, origin, .. } = &model.manifest().provenance;
     let scale = match response.scale {
         Scale::Range => "range".to_string(),
@@ -110,6 +117,7 @@ fn facts(model: &Model) -> Vec<(&'static str, String)> {
     let how = match method {
         Method::Isomap => format!("{n_neighbors} neighbours, {n_landmarks} landmarks, {n_dims} dimensions"),
         Method::Pca => format!("{n_landmarks} landmarks, {n_dims} dimensions"),
+        Method::Native => format!("the readings as they are, {n_dims} dimensions"),
     };
     let trips = match origin.trips.is_empty() {
         true => "frames of unknown trips".to_string(),
@@ -121,7 +129,8 @@ fn facts(model: &Model) -> Vec<(&'static str, String)> {
         ("frames", model.manifest().n_frames.to_string()),
         ("sensor", sensor.to_string()),
         ("compared on", format!("{scale}, up to {:.2} m", response.range_m_max)),
-        ("method", format!("{}: {how}", method_name(*method))),
+        ("compared by", metric.to_string()),
+        ("method", format!("{}: {how}", method_name(model))),
         ("kinds", format!("{}, {}", model.mixture().n_kinds(), shape_in_words(em.covariance))),
         ("made by", format!("{made_by}, seed {seed}")),
     ]

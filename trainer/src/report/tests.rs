@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 
 use kinds_model::mixture::most_probable;
 use kinds_model::{
-    EmPlan, FitPlan, LandmarkChoice, Method, Model, Origin, ResponsePlan, Scale, SensorLayout, fit,
+    EmPlan, FitPlan, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale, SensorLayout,
+    fit,
 };
 use kinds_trips::Pose;
 use rand::RngExt;
@@ -34,6 +35,7 @@ fn model(sensor: SensorLayout, scale: Scale, n_dims: usize, n_kinds: usize) -> M
     let plan = FitPlan {
         sensor,
         response: ResponsePlan::new(scale, 4.0),
+        metric: MetricPlan::Euclidean,
         method: Method::Isomap,
         n_neighbors: Some(8),
         n_landmarks: 60,
@@ -84,8 +86,12 @@ fn evaluation() -> Evaluation {
         ami: 0.5,
         largest_kind_share: 0.375,
     };
-    let methods =
-        Methods { isomap: score(8, 0.8, 0.2), pca: score(8, 0.6, 0.2), random: score(0, 0.2, 0.25) };
+    let methods = Methods {
+        isomap: score(8, 0.8, 0.2),
+        pca: score(8, 0.6, 0.2),
+        native: None,
+        random: score(0, 0.2, 0.25),
+    };
     Evaluation { radius_m: 0.3, share: 0.5, revisited: 0.9, methods, isomap_kinds: Default::default() }
 }
 
@@ -237,6 +243,19 @@ fn methods_are_written_with_kappa_and_random_kinds_without_dimensions() {
 }
 
 #[test]
+fn native_space_stands_beside_the_methods_that_it_is_compared_with() {
+    let plain = evaluation();
+    let native = MethodScores { n_dims: 16, ..plain.methods.pca };
+    let evaluation = Evaluation { methods: Methods { native: Some(native), ..plain.methods }, ..plain };
+    let figure = consistency(&evaluation);
+    let rows: Vec<Vec<&str>> = lines(figure.csv());
+    let named: Vec<[&str; 2]> = rows.iter().map(|row| [row[0], row[1]]).collect();
+    assert_eq!(named, [["Isomap", "8"], ["PCA", "8"], ["native space", "16"], ["random", "0"]]);
+    assert!(figure.caption().ends_with(" Isomap and PCA at 8 dimensions and 5 kinds."));
+    assert!(consistency(&self::evaluation()).caption().ends_with(" All at 8 dimensions and 5 kinds."));
+}
+
+#[test]
 fn a_figure_of_its_own_has_its_colours_in_light_and_dark_and_everything_within_its_sheet() {
     for figure in figures() {
         let svg = figure.to_svg();
@@ -298,6 +317,7 @@ fn the_page_of_a_training_and_its_evaluation_has_every_section_and_figure_once()
         ("frames", "240".to_string()),
         ("sensor", "16 readings (2 × 8) of 0.001 m a count".to_string()),
         ("compared on", "1 / (range + 0.3 m), up to 4.00 m".to_string()),
+        ("compared by", "euclidean distances".to_string()),
         ("method", "Isomap: 8 neighbours, 60 landmarks, 3 dimensions".to_string()),
         ("kinds", "3, each any ellipsoid (full covariances)".to_string()),
         ("made by", format!("{}, seed 1", model.manifest().provenance.made_by)),

@@ -8,14 +8,11 @@ use super::figure::Figure;
 use super::markup::{Csv, percent};
 use super::{depth, rays};
 
-/// Sensors with more rows are cameras.
-const N_RING_ROWS_MAX: u32 = 4;
-
 /// What each kind looks like to the robot: mean, difference from the mean of all frames, spread and medoid.
 pub fn canonical_views(model: &Model) -> Figure {
     let (layout, views) = (model.layout(), Views::of(model));
     let unit = views.unit.name();
-    let (legend, panels, how) = match layout.rows <= N_RING_ROWS_MAX {
+    let (legend, panels, how) = match layout.has_rings() {
         true => rays::draw(layout, &views),
         false => depth::draw(layout, &views),
     };
