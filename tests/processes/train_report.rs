@@ -73,7 +73,7 @@ fn a_report_on_a_trip_without_poses_says_so_instead_of_a_map() {
     assert!(!names(&robot).contains(&"path.svg".to_string()));
     assert!(
         text(&robot, "report/report.html")
-            .contains("Nobody knows where the robot was: there is no map without nav_msgs/msg/Odometry.")
+            .contains("Nobody knows where the robot was: there is no map without nav_msgs/msg/Odometry or geometry_msgs/msg/PoseStamped.")
     );
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Pure: data in, text out. A [`Page`] is one file of HTML without network or script; every [`Figure`] on it is drawn in
 //! SVG whose colours follow the page from light to dark, and comes with the numbers drawn. Functions of this module make
-//! the figures: of a model ([`residual_variance`], [`spectrum`], [`kinds_tried`], [`embedding`], [`canonical_views`]), of
+//! the figures: of a model ([`neighbors_tried`], [`residual_variance`], [`spectrum`], [`kinds_tried`], [`embedding`], [`canonical_views`]), of
 //! trips whose frames have been classified ([`kinds_on_path`], [`kinds_along_time`]) and of an evaluation
 //! ([`consistency`]). [`add_model`], [`add_methods`], [`add_trips`] and [`add_evaluation`] put them on a page with their tables and words:
 //!
@@ -35,6 +35,7 @@ mod kind_style;
 mod kinds_tried;
 mod markup;
 mod methods;
+mod neighbors_tried;
 mod page;
 mod path;
 mod rays;
@@ -50,6 +51,7 @@ pub use embedding::embedding;
 pub use figure::Figure;
 pub use kinds_tried::kinds_tried;
 pub use methods::{add_methods, kinds_agreement, method_table};
+pub use neighbors_tried::neighbors_tried;
 pub use page::{Column, Page, ReportFile, Table};
 pub use path::kinds_on_path;
 pub use scores::{consistency, consistency_table};

@@ -1,13 +1,13 @@
 //! What `train` and `evaluate` have to show, put on a page in the order in which a person asks.
 
-use kinds_model::{Covariance, FitPlan, Method, MetricPlan, Model, Provenance, Scale};
+use kinds_model::{Covariance, FitPlan, Manifest, Method, MetricPlan, Model, Provenance, Scale};
 
 use super::canonical::responsibilities;
-use super::page::Page;
+use super::page::{Column, Page, Table};
 use super::trip_kinds::TripKinds;
 use super::{
     canonical_views, consistency, consistency_table, embedding, kinds_along_time, kinds_on_path, kinds_tried,
-    residual_variance, spectrum,
+    neighbors_tried, residual_variance, spectrum,
 };
 use crate::evaluate::Evaluation;
 use crate::track::Track;
@@ -23,6 +23,9 @@ pub fn add_model(page: &mut Page, model: &Model, rival: Option<&Model>, remarks:
     if !remarks.is_empty() {
         page.paragraph("To be known about it:");
         page.list(remarks);
+    }
+    if model.geodesics().is_some() {
+        add_graph(page, model);
     }
     page.section("How many dimensions");
     let both = [Some(model), rival].into_iter().flatten();
@@ -46,6 +49,35 @@ pub fn add_model(page: &mut Page, model: &Model, rival: Option<&Model>, remarks:
     page.figure(canonical_views(model));
 }
 
+/// Adds how the neighbour graph came about, and what had to be added to make it one.
+fn add_graph(page: &mut Page, model: &Model) {
+    page.section("How many neighbours");
+    let Manifest { n_neighbors, provenance, .. } = model.manifest();
+    match neighbors_tried(model) {
+        Some(figure) => page.figure(figure),
+        None => page.paragraph(&format!(
+            "That each frame has {n_neighbors} neighbours was given; no other numbers were tried."
+        )),
+    }
+    let Provenance { islands, bridges, .. } = provenance;
+    if bridges.is_empty() {
+        page.paragraph("All frames hang together: the graph needed no bridges.");
+        return;
+    }
+    let radii = model.squared_radii();
+    let usual = (radii[radii.len() / 2] as f64).sqrt();
+    page.paragraph(&format!(
+        "The graph had {} islands, joined by bridges, whose lengths are guesses about how far places are from each other. For \
+         comparison: half of the frames have their {n_neighbors} nearest within {usual:.0} counts.",
+        islands.len(),
+    ));
+    let mut table = Table::new(["frame", "frame", "length, counts"].map(Column::number).into());
+    for (a, b, length) in bridges {
+        table.row(vec![a.to_string(), b.to_string(), format!("{length:.0}")]);
+    }
+    page.table(&table);
+}
+
 /// Adds where and when the robot saw which kind.
 ///
 /// The figures are named `path` and `time`.
@@ -54,7 +86,10 @@ pub fn add_trips(page: &mut Page, n_kinds: usize, trips: &[TripKinds]) {
     if trips.iter().any(|trip| trip.poses.iter().any(Option::is_some)) {
         page.figure(kinds_on_path("path", "Kinds on the path", n_kinds, trips));
     } else {
-        page.paragraph("Nobody knows where the robot was: there is no map without nav_msgs/msg/Odometry.");
+        page.paragraph(
+            "Nobody knows where the robot was: there is no map without nav_msgs/msg/Odometry or \
+                        geometry_msgs/msg/PoseStamped.",
+        );
     }
     page.figure(kinds_along_time("time", "Kinds along time", n_kinds, trips));
 }

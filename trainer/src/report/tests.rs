@@ -106,7 +106,7 @@ fn figures() -> Vec<Figure> {
         along_time(),
         consistency(&evaluation()),
     ];
-    plain.into_iter().chain(kinds_tried::tests::figure()).collect()
+    plain.into_iter().chain(kinds_tried::tests::figure()).chain(neighbors_tried::tests::figure()).collect()
 }
 
 fn page() -> Page {
@@ -286,7 +286,15 @@ fn the_page_of_a_training_and_its_evaluation_has_every_section_and_figure_once()
     };
     assert_eq!(
         all("h2"),
-        ["The model", "How many dimensions", "How many kinds", "The kinds", "The trips", "Consistency"]
+        [
+            "The model",
+            "How many neighbours",
+            "How many dimensions",
+            "How many kinds",
+            "The kinds",
+            "The trips",
+            "Consistency"
+        ]
     );
     assert_eq!(all("a"), all("h2"));
     assert_eq!(
@@ -302,10 +310,18 @@ fn the_page_of_a_training_and_its_evaluation_has_every_section_and_figure_once()
         ]
     );
     assert_eq!(all("li"), remarks);
+    let usual = (model.squared_radii()[120] as f64).sqrt();
+    let bridges = format!(
+        "The graph had 3 islands, joined by bridges, whose lengths are guesses about how far places are from each other. For comparison: half of the frames have their 8 nearest within {usual:.0} counts."
+    );
+    let [(a, b, length), _] = model.manifest().provenance.bridges[..] else { panic!("two bridges") };
+    assert_eq!(all("td")[..3], [a.to_string(), b.to_string(), format!("{length:.0}")]);
     assert_eq!(
         all("p"),
         [
             "To be known about it:",
+            "That each frame has 8 neighbours was given; no other numbers were tried.",
+            &bridges,
             "That there are 3 kinds was given; no other numbers were tried.",
             "90 % of the first trip's frames were revisited within 0.3 m. One kind for everything would always be consistent: read consistency beside chance, κ, adjusted mutual information (AMI) and the share of the largest kind.",
         ]
@@ -393,7 +409,7 @@ fn trips_without_poses_have_a_sentence_instead_of_a_map() {
     assert_eq!(names, ["report.html", "time.svg", "time.csv"]);
     assert!(
         page.to_html().contains(
-            "<p>Nobody knows where the robot was: there is no map without nav_msgs/msg/Odometry.</p>"
+            "<p>Nobody knows where the robot was: there is no map without nav_msgs/msg/Odometry or geometry_msgs/msg/PoseStamped.</p>"
         )
     );
 }
