@@ -103,6 +103,9 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
     Ok(Trained { model, pca, tracks, remarks })
 }
 
+/// Share of the frames from which a kind is a giant that tells little apart.
+const GIANT_SHARE: f64 = 0.5;
+
 impl PcaModels {
     fn beside(
         isomap: &Model,
@@ -147,16 +150,22 @@ fn remark_on_islands(model: &Model) -> Option<String> {
     ))
 }
 
-/// How much of the trip is of one kind, where nothing was embedded: one giant kind is what the paper found.
+/// How much of the trip is of one kind, where nothing was embedded.
 fn remark_on_native_space(model: &Model) -> Option<String> {
     let Manifest { plan, n_kinds, provenance, .. } = model.manifest();
-    (plan.method == Method::Native).then(|| {
-        format!(
-            "in native space {:.1} % of the frames are of the largest of {n_kinds} kinds; one giant kind is consistent and useless: \
-             compare with Isomap's",
-            100.0 * provenance.largest_kind_share
-        )
-    })
+    (plan.method == Method::Native).then(|| native_space_in_words(*n_kinds, provenance.largest_kind_share))
+}
+
+fn native_space_in_words(n_kinds: usize, largest_kind_share: f64) -> String {
+    let largest = match n_kinds {
+        1 => "all frames are of one kind".to_string(),
+        _ => format!("the largest of {n_kinds} kinds has {:.1} % of the frames", 100.0 * largest_kind_share),
+    };
+    let advice = match largest_kind_share > GIANT_SHARE {
+        true => "; one giant kind is consistent and useless: use isomap",
+        false => "",
+    };
+    format!("in native space {largest}{advice}")
 }
 
 /// Where the evidence for the number of kinds does not agree, or chooses an end of what was tried.
@@ -211,6 +220,22 @@ mod tests {
             remark(&[9.0, 7.0, 8.0], &[-3.0, -2.0, -1.0]).unwrap(),
             "the evidence for the number of kinds does not agree: BIC_neff is least at 2, which the model has, and blocks \
              that were held out are likeliest at 3"
+        );
+    }
+
+    #[test]
+    fn native_space_is_told_with_the_share_of_its_largest_kind_and_giants_with_what_to_do() {
+        assert_eq!(
+            native_space_in_words(5, 0.2391),
+            "in native space the largest of 5 kinds has 23.9 % of the frames"
+        );
+        assert_eq!(
+            native_space_in_words(5, 0.87),
+            "in native space the largest of 5 kinds has 87.0 % of the frames; one giant kind is consistent and useless: use isomap"
+        );
+        assert_eq!(
+            native_space_in_words(1, 1.0),
+            "in native space all frames are of one kind; one giant kind is consistent and useless: use isomap"
         );
     }
 
