@@ -9,7 +9,7 @@ use kinds_driver_shim::Pace;
 use kinds_driver_shim::simulated::Floor;
 use kinds_messages::{Domain, SensorName};
 use kinds_model::{Covariance, LandmarkChoice, Scale};
-use kinds_trainer::{Config, LandmarkNumber, MethodChoice, MetricChoice};
+use kinds_trainer::{CommandsConfig, Config, LandmarkNumber, MethodChoice, MetricChoice};
 use kinds_trips::Selection;
 
 use crate::owner::Joined;
@@ -154,6 +154,10 @@ pub(crate) struct TrainArguments {
     /// Seed of everything random [default: 0]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    /// Compare frames by what the robot was told to do, too: the commands' part in the mean squared distance between frames,
+    /// as a multiple of the readings' part [default: 0, by readings alone]
+    #[arg(long, value_name = "W")]
+    commands_weight: Option<f64>,
     #[command(flatten)]
     reading: ReadingArguments,
 }
@@ -167,6 +171,9 @@ pub(crate) struct ReadingArguments {
     /// Topic of the poses [default: the only one that fits]
     #[arg(long, value_name = "NAME")]
     poses_topic: Option<String>,
+    /// Topic of the commands, what the robot was told to do [default: the only one that fits]
+    #[arg(long, value_name = "NAME")]
+    commands_topic: Option<String>,
     /// Metres that one count stands for [default: 0.001]
     #[arg(long, value_name = "M")]
     metres_per_count: Option<f64>,
@@ -389,6 +396,8 @@ impl TrainArguments {
             metres_per_count: self.reading.metres_per_count,
             frames_topic: self.reading.frames_topic.clone(),
             poses_topic: self.reading.poses_topic.clone(),
+            commands_topic: self.reading.commands_topic.clone(),
+            commands: CommandsConfig { weight: self.commands_weight },
         }
     }
 }
@@ -400,6 +409,7 @@ impl ReadingArguments {
         Selection {
             frames_topic: self.frames_topic.clone(),
             poses_topic: self.poses_topic.clone(),
+            commands_topic: self.commands_topic.clone(),
             metres_per_count: self.metres_per_count.or(metres_per_count).unwrap_or(usual.metres_per_count),
         }
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use kinds_driver_shim::Capture;
-use kinds_messages::Pose;
+use kinds_messages::{Command, Pose};
 use kinds_trips::{FrameLayout, Image, ImageEncoding, Stamp, TripWriteError, TripWriter, WriterOptions};
 
 /// Topic of the true pose, where there is one. Odometry is what a trip is evaluated by unless this is named.
@@ -39,7 +39,8 @@ impl TripFile {
             self.writer.write_pose(TRUE_POSES, at, &in_trip(pose))?;
         }
         if let Some(command) = capture.command {
-            self.writer.write_command("/cmd_vel", at, command.forward_m_s, command.turn_rad_s)?;
+            let Command { forward_m_s, turn_rad_s } = command;
+            self.writer.write_command("/cmd_vel", at, &kinds_trips::Command { forward_m_s, turn_rad_s })?;
         }
         let image = Image { counts, layout, encoding, big_endian: false, row_padding_bytes: 0 };
         self.writer.write_image("/frames", at, &image)

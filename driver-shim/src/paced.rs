@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use kinds_messages::Pose;
+use kinds_messages::{Command, Pose};
 use kinds_trips::{FrameLayout, TripReader};
 
 use crate::pace::Schedule;
@@ -75,7 +75,10 @@ impl Source for TripReader {
         let frame = self.next_frame(counts)?;
         Ok(frame.map(|frame| {
             let pose = frame.pose.map(|pose| Pose { x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad });
-            Capture { captured: frame.captured, pose, command: None, true_pose: None }
+            let command = frame
+                .command
+                .map(|command| Command { forward_m_s: command.forward_m_s, turn_rad_s: command.turn_rad_s });
+            Capture { captured: frame.captured, pose, command, true_pose: None }
         }))
     }
 }
@@ -110,7 +113,9 @@ mod tests {
     use std::path::Path;
     use std::rc::Rc;
 
-    use kinds_trips::{Pose as TripPose, Scan, Selection, Stamp, TripWriter, WriterOptions};
+    use kinds_trips::{
+        Command as TripCommand, Pose as TripPose, Scan, Selection, Stamp, TripWriter, WriterOptions,
+    };
 
     use super::*;
 
@@ -145,6 +150,8 @@ mod tests {
             };
             let pose = TripPose { x_m: index as f64, y_m: 0.5, yaw_rad: 0.25 };
             writer.write_odometry("/odom", at, &pose).unwrap();
+            let command = TripCommand { forward_m_s: 0.1 * index as f64, turn_rad_s: -0.5 };
+            writer.write_command("/cmd_vel", at, &command).unwrap();
             writer.write_scan("/scan", at, &scan).unwrap();
         }
         writer.finish().unwrap();
@@ -182,14 +189,15 @@ mod tests {
     }
 
     #[test]
-    fn frames_keep_their_counts_stamps_and_poses() {
+    fn frames_keep_their_counts_stamps_poses_and_commands() {
         let (frames, _) = replay("1", Duration::from_secs(1));
         let (_, counts, capture) = &frames[2];
         assert_eq!(counts, &[1020, 2020, 3020]);
         let pose = Pose { x_m: 2.0, y_m: 0.5, yaw_rad: 0.25 };
-        let &Capture { captured, pose: Some(found), command: None, true_pose: None } = capture else {
+        let &Capture { captured, pose: Some(found), command: Some(told), true_pose: None } = capture else {
             panic!("{capture:?}")
         };
+        assert_eq!(told, Command { forward_m_s: 0.2, turn_rad_s: -0.5 });
         assert_eq!(captured, Stamp(10_130_000_000));
         // The heading has been through a quaternion and back.
         assert_eq!((found.x_m, found.y_m), (pose.x_m, pose.y_m));

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::metric::{AnyMetric, Metric};
+use crate::command::{Command, with_metric};
+use crate::metric::Metric;
 use crate::mixture::most_probable;
 use crate::model::Model;
 use crate::neighbors::{Neighbor, nearest, squared_distances};
@@ -46,7 +47,7 @@ pub struct Classifier {
 
 /// How far one frame is from what the model keeps.
 struct MeasuredFrame {
-    /// The frame on the response's scale, shape `(n_readings,)`.
+    /// The frame on the response's scale and its command, shape `(n_columns,)`.
     mapped: Vec<u16>,
     /// Its nearest reference frames: with geodesics, shape `(n_neighbors,)`; in native space, the nearest one.
     nearest: Vec<Neighbor>,
@@ -83,26 +84,35 @@ impl Classifier {
         &self.model
     }
 
+    /// Classifies one frame of which nobody says what the robot had been told.
+    ///
+    /// See [`Self::classify_commanded`].
+    pub fn classify(&mut self, counts: &[u16]) -> &Classification {
+        self.classify_commanded(counts, None)
+    }
+
     /// Classifies one frame. The raw counts are read once; everything else is derived from that pass.
     ///
     /// * `counts` — raw counts, shape `(n_readings,)`
+    /// * `command` — what the robot had been told by then. A model that compares commands takes a robot that nobody has told
+    ///   anything to stand still; to any other model it does not matter.
     ///
     /// Equal counts and models give equal bits on every machine. Allocates nothing. O(n_frames) distances.
     ///
     /// # Panics
     /// If the number of readings is not the model's: whoever receives frames compares layouts before.
-    pub fn classify(&mut self, counts: &[u16]) -> &Classification {
-        let n_invalid = self.model.response().map(counts, &mut self.frame.mapped);
+    pub fn classify_commanded(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {
+        let (readings, columns) = self.frame.mapped.split_at_mut(self.model.frames().n_readings());
+        let n_invalid = self.model.response().map(counts, readings);
+        if let Some(scale) = self.model.commands() {
+            columns.copy_from_slice(&scale.counts(&command.unwrap_or_default()));
+        }
         self.classification.n_invalid = n_invalid;
         if n_invalid == counts.len() {
             self.know_nothing();
         } else {
             let Self { model, frame, .. } = self;
-            match model.metric() {
-                AnyMetric::Euclidean(metric) => frame.measure(model, metric),
-                AnyMetric::Weighted(metric) => frame.measure(model, metric),
-                AnyMetric::Ring(metric) => frame.measure(model, metric),
-            }
+            with_metric!(model.metric(), model.commands(), |metric| frame.measure(model, metric));
             self.locate();
         }
         self.classification.kind = most_probable(&self.classification.probabilities);
@@ -150,7 +160,7 @@ impl MeasuredFrame {
             Method::Native => (1, 0),
         };
         Self {
-            mapped: vec![0; model.layout().n_readings()],
+            mapped: vec![0; model.frames().n_columns()],
             nearest: vec![none; n_nearest],
             squared_distances: vec![0; n_distances],
             squared_to_nearest: 0,

@@ -14,6 +14,7 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
 use crate::array::Array;
+use crate::command::N_COMMAND_COLUMNS;
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::mds::Embedding;
@@ -196,7 +197,7 @@ fn arrays(model: &Model) -> Vec<NamedArray<'_>> {
     let Manifest { plan, n_frames, n_dims, n_kinds, .. } = &model.manifest;
     let (n_frames, n_dims, n_kinds, n_landmarks) = (*n_frames, *n_dims, *n_kinds, plan.n_landmarks);
     let mut arrays = vec![
-        array("frames", Dtype::U16, &[n_frames, plan.sensor.n_readings()], model.frames.counts()),
+        array("frames", Dtype::U16, &[n_frames, model.frames.n_columns()], model.frames.counts()),
         array("response", Dtype::U16, &[TABLE_LEN], model.response.table()),
         array("coordinates", Dtype::F64, &[n_frames, n_dims], &model.coordinates),
         array("weights", Dtype::F64, &[n_kinds], model.mixture.weights()),
@@ -246,6 +247,7 @@ impl File<'_> {
         let Manifest { ref plan, n_frames, n_neighbors, n_dims, n_kinds, .. } = manifest;
         let n_landmarks = plan.n_landmarks;
         let n_readings = plan.sensor.n_readings();
+        let n_more = if manifest.commands.is_some() { N_COMMAND_COLUMNS } else { 0 };
         if [n_frames, n_landmarks, n_dims, n_kinds, n_readings, n_neighbors].contains(&0) {
             return Err(ModelFileError::Contents {
                 what: "manifest announces none of something that it needs",
@@ -273,9 +275,10 @@ impl File<'_> {
             id: ModelId([0; 16]),
             metric: plan.metric.compile(plan.sensor)?,
             response: response.ok_or(ModelFileError::Contents { what: "response has not 65,536 entries" })?,
-            frames: Frames::new(
+            frames: Frames::with_more_columns(
                 n_readings,
-                self.array::<u16>("frames", Dtype::U16, &[n_frames, n_readings])?,
+                n_more,
+                self.array::<u16>("frames", Dtype::U16, &[n_frames, n_readings + n_more])?,
             ),
             landmarks,
             geodesics: geodesics.map(|lengths: Array<f32>| Geodesics::new(n_landmarks, lengths)),
@@ -308,7 +311,7 @@ impl File<'_> {
 
 /// What the digest cannot vouch for in a file that somebody else's program wrote.
 fn check_contents(model: &Model) -> Result<(), ModelFileError> {
-    let Manifest { plan, n_frames, n_neighbors, n_dims, n_kinds, provenance, .. } = &model.manifest;
+    let Manifest { plan, commands, n_frames, n_neighbors, n_dims, n_kinds, provenance, .. } = &model.manifest;
     let trips = &provenance.origin.n_frames;
     let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
     let units_m = plan.sensor.metres_per_count;
@@ -323,6 +326,7 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
                 || trips.iter().try_fold(0, |sum: usize, n| sum.checked_add(*n)) == Some(*n_frames),
             "trips have more or fewer frames than it has",
         ),
+        (commands.is_none_or(|scale| scale.is_sound()), "commands have a range or weight that cannot be"),
         (units_m.is_finite() && units_m > 0.0, "sensor has no unit"),
         (
             model.landmarks.iter().all(|&landmark| (landmark as usize) < *n_frames),
@@ -356,8 +360,9 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::command::{Command, CommandScale, Commands};
     use crate::em::EmPlan;
-    use crate::fit::fit;
+    use crate::fit::{fit, fit_with_commands};
     use crate::frames::SensorLayout;
     use crate::metric::MetricPlan;
     use crate::model::Origin;
@@ -431,6 +436,36 @@ mod tests {
         assert_eq!(
             from_bytes(&Bytes::from(to_bytes(&model))).unwrap_err().to_string(),
             "the model's native space has not one dimension for each reading; train anew"
+        );
+    }
+
+    #[test]
+    fn commands_that_cannot_be_are_refused_in_words() {
+        let commanded = || {
+            let of_frames =
+                (0..30_u32).map(|index| Command { turn_rad_s: f64::from(index % 5), ..Command::default() });
+            let commands = Commands { weight: 0.1, of_frames: of_frames.collect() };
+            let Model { manifest, .. } = model();
+            let counts = (1..91_u32).map(|index| (index * index * 37 % 3001) as u16).collect();
+            let plan = FitPlan { n_kinds: Some(2), ..manifest.plan };
+            fit_with_commands(counts, &commands, &plan, manifest.provenance.origin, &mut |_, _, _| ())
+                .unwrap()
+        };
+        let refuse = |change: &dyn Fn(&mut Option<CommandScale>)| {
+            let mut model = commanded();
+            change(&mut model.manifest.commands);
+            from_bytes(&Bytes::from(to_bytes(&model)))
+                .map(|model| model.id())
+                .map_err(|error| error.to_string())
+        };
+        assert_eq!(refuse(&|_| ()), Ok(commanded().id()));
+        let cannot_be = "the model's commands have a range or weight that cannot be; train anew";
+        let with = |scale: &mut Option<CommandScale>, turn| scale.as_mut().unwrap().turn.least = turn;
+        assert_eq!(refuse(&|scale| with(scale, f64::NAN)), Err(cannot_be.to_string()));
+        assert_eq!(refuse(&|scale| with(scale, 9.0)), Err(cannot_be.to_string()));
+        assert_eq!(
+            refuse(&|scale| *scale = None).unwrap_err(),
+            "the model's array frames is U16 [30, 5]; its manifest announces U16 [30, 3]"
         );
     }
 

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::array::Array;
 use crate::autocorrelation::n_frames_effective;
+use crate::command::{CommandScale, Commands, mean_squared_distance, with_metric};
 use crate::em::{EmError, EmFit, fit_mixture};
 use crate::evidence::{N_FITS, best_by_bic_neff, try_kinds};
 use crate::frames::Frames;
@@ -13,7 +14,7 @@ use crate::intrinsic_dims::{IntrinsicDims, N_NEIGHBORS_USED};
 use crate::landmarks;
 use crate::lengths::Lengths;
 use crate::mds::{Embedding, MdsError};
-use crate::metric::{AnyMetric, Metric, MetricError, MetricPlan};
+use crate::metric::{Metric, MetricError, MetricPlan};
 use crate::mixture::{Mixture, most_probable};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
 use crate::neighborhood::{N_NEIGHBORS_TRIED_MAX, N_NEIGHBORS_USUAL, chosen, try_neighbors};
@@ -127,6 +128,15 @@ pub enum FitError {
         /// The metric in words.
         metric: String,
     },
+    /// Commands where there are no distances to weigh them by.
+    #[error(
+        "native space has no distances, so that kinds would not follow commands of weight {weight}; use isomap or pca, or a \
+         commands weight of 0"
+    )]
+    NativeCommands {
+        /// What was asked for.
+        weight: f64,
+    },
     /// No distances.
     #[error(transparent)]
     Metric(#[from] MetricError),
@@ -160,7 +170,38 @@ pub fn fit(
     let response = Response::new(&plan.response, plan.sensor.metres_per_count)?;
     response.map_in_place(&mut counts);
     let frames = Frames::new(plan.sensor.n_readings(), counts);
-    fit_frames(frames, response, plan, origin, progress)
+    fit_frames(frames, response, None, plan, origin, progress)
+}
+
+/// Fits a model to raw frames and what the robot had been told when it took each.
+///
+/// See [`fit`] for all else.
+///
+/// # Errors
+/// As [`fit`].
+///
+/// # Panics
+/// If there are more or fewer commands than frames: a bug of the caller.
+pub fn fit_with_commands(
+    mut counts: Vec<u16>,
+    commands: &Commands,
+    plan: &FitPlan,
+    origin: Origin,
+    progress: &mut Progress,
+) -> Result<Model, FitError> {
+    if plan.method == Method::Native {
+        return Err(FitError::NativeCommands { weight: commands.weight });
+    }
+    let n_readings = plan.sensor.n_readings();
+    assert_eq!(commands.of_frames.len() * n_readings, counts.len(), "a command for each frame");
+    let response = Response::new(&plan.response, plan.sensor.metres_per_count)?;
+    response.map_in_place(&mut counts);
+    let metric = plan.metric.compile(plan.sensor)?;
+    let of_readings =
+        with_metric!(&metric, None, |metric| mean_squared_distance(&counts, n_readings, metric));
+    let scale = CommandScale::new(commands, of_readings);
+    let frames = scale.append(counts, n_readings, &commands.of_frames);
+    fit_frames(frames, response, Some(scale), plan, origin, progress)
 }
 
 /// Fits a model by a method to the reference frames of another, with all else but the size as that one's plan has it.
@@ -168,7 +209,7 @@ pub fn fit(
 /// # Errors
 /// As [`fit`].
 pub fn refit(model: &Model, method: Method, size: Size, progress: &mut Progress) -> Result<Model, FitError> {
-    let Manifest { plan, n_neighbors, n_dims, n_kinds, provenance, .. } = model.manifest();
+    let Manifest { plan, commands, n_neighbors, n_dims, n_kinds, provenance, .. } = model.manifest();
     let (n_neighbors, n_dims, n_kinds) = match size {
         Size::Matched => (Some(*n_neighbors), Some(*n_dims), Some(*n_kinds)),
         Size::SameKinds => (plan.n_neighbors, None, Some(*n_kinds)),
@@ -176,12 +217,13 @@ pub fn refit(model: &Model, method: Method, size: Size, progress: &mut Progress)
     };
     let plan = FitPlan { method, n_neighbors, n_dims, n_kinds, ..plan.clone() };
     let origin = provenance.origin.clone();
-    fit_frames(model.frames().clone(), model.response().clone(), &plan, origin, progress)
+    fit_frames(model.frames().clone(), model.response().clone(), *commands, &plan, origin, progress)
 }
 
 fn fit_frames(
     frames: Frames,
     response: Response,
+    commands: Option<CommandScale>,
     plan: &FitPlan,
     origin: Origin,
     progress: &mut Progress,
@@ -194,11 +236,9 @@ fn fit_frames(
         origin,
         ..Default::default()
     };
-    let located = match &metric {
-        AnyMetric::Euclidean(metric) => Located::by(metric, &frames, plan, &mut provenance, progress),
-        AnyMetric::Weighted(metric) => Located::by(metric, &frames, plan, &mut provenance, progress),
-        AnyMetric::Ring(metric) => Located::by(metric, &frames, plan, &mut provenance, progress),
-    };
+    let located = with_metric!(&metric, commands.as_ref(), |metric| {
+        Located::by(metric, &frames, plan, &mut provenance, progress)
+    });
     let Located { n_neighbors, landmarks, geodesics, embedding, coordinates, squared_radii } = located?;
     let n_dims = coordinates.len() / n_frames;
     let em = find_kinds(&coordinates, n_dims, plan, &mut provenance, progress)?;
@@ -206,7 +246,7 @@ fn fit_frames(
     let plan = FitPlan { n_landmarks: plan.n_landmarks.min(n_frames), ..plan.clone() };
     let n_kinds = em.mixture.n_kinds();
     let format = crate::file::FORMAT;
-    let manifest = Manifest { format, plan, n_frames, n_neighbors, n_dims, n_kinds, provenance };
+    let manifest = Manifest { format, plan, commands, n_frames, n_neighbors, n_dims, n_kinds, provenance };
     let mut model = Model {
         id: ModelId([0; 16]),
         manifest,

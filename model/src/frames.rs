@@ -41,10 +41,12 @@ impl std::fmt::Display for SensorLayout {
     }
 }
 
-/// N frames of D readings, counts on the response's scale, shape `(n_frames, n_readings)`.
+/// N frames of D readings, counts on the response's scale, and whatever else frames are compared by behind them: shape
+/// `(n_frames, n_columns)`, of which the first `n_readings` columns are the sensor's.
 #[derive(Clone, Debug)]
 pub struct Frames {
     n_readings: usize,
+    n_columns: usize,
     counts: Array<u16>,
 }
 
@@ -54,18 +56,31 @@ impl Frames {
     /// # Panics
     /// If `n_readings` is 0 or does not divide the number of counts: a bug of the caller.
     pub fn new(n_readings: usize, counts: impl Into<Array<u16>>) -> Self {
-        let counts = counts.into();
+        Self::with_more_columns(n_readings, 0, counts)
+    }
+
+    /// Takes rows of `n_readings` counts and `n_more` others.
+    ///
+    /// # Panics
+    /// If `n_readings` is 0 or the columns do not divide the number of counts: a bug of the caller.
+    pub fn with_more_columns(n_readings: usize, n_more: usize, counts: impl Into<Array<u16>>) -> Self {
+        let (n_columns, counts) = (n_readings + n_more, counts.into());
         assert!(
-            n_readings > 0 && counts.len().is_multiple_of(n_readings),
-            "rows of {n_readings} in {}",
+            n_readings > 0 && counts.len().is_multiple_of(n_columns),
+            "rows of {n_columns} in {}",
             counts.len()
         );
-        Self { n_readings, counts }
+        Self { n_readings, n_columns, counts }
     }
 
     /// N.
     pub fn n_frames(&self) -> usize {
-        self.counts.len() / self.n_readings
+        self.counts.len() / self.n_columns
+    }
+
+    /// Counts in a row: readings, and what else frames are compared by.
+    pub fn n_columns(&self) -> usize {
+        self.n_columns
     }
 
     /// D.
@@ -73,9 +88,14 @@ impl Frames {
         self.n_readings
     }
 
-    /// One frame's counts, shape `(n_readings,)`.
+    /// All that one frame is compared by, shape `(n_columns,)`.
     pub fn row(&self, frame_index: usize) -> &[u16] {
-        &self.counts[frame_index * self.n_readings..][..self.n_readings]
+        &self.counts[frame_index * self.n_columns..][..self.n_columns]
+    }
+
+    /// What the sensor saw in one frame, shape `(n_readings,)`.
+    pub fn readings(&self, frame_index: usize) -> &[u16] {
+        &self.row(frame_index)[..self.n_readings]
     }
 
     /// All counts, row after row.

@@ -119,14 +119,14 @@ fn nearest_to_means(
     random: &mut ChaCha8Rng,
 ) -> Vec<u32> {
     let mut cover = Cover::new(frames, metric);
-    let mut centres = Vec::with_capacity(n_means * frames.n_readings());
+    let mut centres = Vec::with_capacity(n_means * frames.n_columns());
     let mut start = Some(random.random_range(0..frames.n_frames() as u32));
-    while let Some(frame_index) = start.filter(|_| centres.len() < n_means * frames.n_readings()) {
+    while let Some(frame_index) = start.filter(|_| centres.len() < n_means * frames.n_columns()) {
         centres.extend_from_slice(frames.row(frame_index as usize));
         cover.choose(frame_index);
         start = cover.draw(random);
     }
-    let mut centres = Frames::new(frames.n_readings(), centres);
+    let mut centres = Frames::new(frames.n_columns(), centres);
     let mut nearest = nearest_centres(frames, metric, &centres);
     for _ in 0..N_ROUNDS_MAX {
         centres = means(frames, &nearest, &centres);
@@ -160,7 +160,7 @@ fn nearest_centres(frames: &Frames, metric: &impl Metric, centres: &Frames) -> V
 
 /// The mean of each centre's frames, rounded to whole counts. A centre without frames stays.
 fn means(frames: &Frames, nearest: &[(u64, usize)], centres: &Frames) -> Frames {
-    let n_readings = frames.n_readings();
+    let n_columns = frames.n_columns();
     let mut members = vec![Vec::new(); centres.n_frames()];
     nearest.iter().enumerate().for_each(|(index, &(_, centre))| members[centre].push(index));
     let mut counts = Vec::with_capacity(centres.counts().len());
@@ -170,13 +170,13 @@ fn means(frames: &Frames, nearest: &[(u64, usize)], centres: &Frames) -> Frames 
             counts.extend_from_slice(centres.row(centre));
             continue;
         }
-        let mut sums = vec![0_u64; n_readings];
+        let mut sums = vec![0_u64; n_columns];
         for &index in members {
             sums.iter_mut().zip(frames.row(index)).for_each(|(sum, &count)| *sum += u64::from(count));
         }
         counts.extend(sums.iter().map(|sum| ((sum + n / 2) / n) as u16));
     }
-    Frames::new(n_readings, counts)
+    Frames::new(n_columns, counts)
 }
 
 #[cfg(test)]

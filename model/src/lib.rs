@@ -38,6 +38,7 @@
 pub mod array;
 pub mod autocorrelation;
 pub mod classify;
+pub mod command;
 mod eigen;
 pub mod em;
 pub mod evidence;
@@ -61,9 +62,10 @@ pub mod response;
 mod tally;
 
 pub use classify::{Classification, Classifier, Status};
+pub use command::{Command, CommandColumn, CommandScale, Commands};
 pub use em::{Covariance, EmPlan};
 pub use file::ModelFileError;
-pub use fit::{FitError, Size, Step, fit, refit};
+pub use fit::{FitError, Size, Step, fit, fit_with_commands, refit};
 pub use frames::{Frames, SensorLayout};
 pub use intrinsic_dims::IntrinsicDims;
 pub use metric::{MetricError, MetricPlan};

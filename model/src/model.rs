@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::array::Array;
+use crate::command::CommandScale;
 use crate::frames::{Frames, SensorLayout};
 use crate::geodesics::Geodesics;
 use crate::intrinsic_dims::IntrinsicDims;
@@ -28,6 +29,8 @@ pub struct Manifest {
     pub format: u32,
     /// What was fitted. Its `n_landmarks` are those that there are; in native space, those that another method would have.
     pub plan: FitPlan,
+    /// How commands are compared beside readings; none where frames are compared by readings alone.
+    pub commands: Option<CommandScale>,
     /// N.
     pub n_frames: usize,
     /// ns.
@@ -173,6 +176,11 @@ impl Model {
     /// The sensor whose frames it understands.
     pub fn layout(&self) -> SensorLayout {
         self.manifest.plan.sensor
+    }
+
+    /// How commands are compared beside readings, where they are.
+    pub fn commands(&self) -> Option<&CommandScale> {
+        self.manifest.commands.as_ref()
     }
 
     /// Raw counts → the scale on which frames are compared.

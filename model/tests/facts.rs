@@ -5,8 +5,9 @@ use std::sync::Arc;
 use bytes::Bytes;
 use kinds_model::metric::{Euclidean, Metric};
 use kinds_model::{
-    Classifier, Covariance, EmPlan, FitError, FitPlan, Frames, LandmarkChoice, Method, MetricPlan, Model,
-    ModelFileError, Origin, ResponsePlan, Scale, SensorLayout, Size, Status, file, fit, refit,
+    Classifier, Command, Commands, Covariance, EmPlan, FitError, FitPlan, Frames, LandmarkChoice, Method,
+    MetricPlan, Model, ModelFileError, Origin, ResponsePlan, Scale, SensorLayout, Size, Status, file, fit,
+    fit_with_commands, refit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -173,6 +174,76 @@ fn a_reading_without_weight_changes_no_classification() {
             assert_eq!(*classifier.classify(&other), kinds_model::Classification { n_invalid, ..found });
         }
     }
+}
+
+/// What the robot was told on its trip: to turn one way and the other, faster and faster; nothing for the last three frames.
+fn commands() -> Vec<Option<Command>> {
+    let told = |index: u32| {
+        let index = f64::from(index);
+        Some(Command { forward_m_s: 0.01 * index, turn_rad_s: (index / 9.0).sin() })
+    };
+    (0..150).map(told).chain([None; 3]).collect()
+}
+
+fn commanded(method: Method, metric: MetricPlan) -> Model {
+    let of_frames = commands().into_iter().map(Option::unwrap_or_default).collect();
+    let plan = FitPlan { metric, ..plan(method) };
+    let commands = Commands { weight: 0.5, of_frames };
+    fit_with_commands(trip(150, 3), &commands, &plan, Origin::default(), &mut |_, _, _| ()).unwrap()
+}
+
+#[test]
+fn a_reference_frame_with_its_command_embeds_to_its_coordinates_bit_for_bit_by_every_metric_and_from_a_file()
+{
+    let weights = MetricPlan::Weighted(vec![1.0, 2.0, 3.0, 1.0, 2.0, 3.0]);
+    for metric in [MetricPlan::Euclidean, weights, MetricPlan::Ring { n_rings: 1 }] {
+        for method in [Method::Isomap, Method::Pca] {
+            let model = commanded(method, metric.clone());
+            let read = file::from_bytes(&Bytes::from(file::to_bytes(&model))).unwrap();
+            assert_eq!(read.id(), model.id());
+            let mut classifier = Classifier::new(Arc::new(read));
+            let frames = trip(150, 3);
+            let frames = frames.chunks_exact(N_READINGS).zip(commands());
+            let mut n_moved = 0;
+            for ((frame, command), place) in frames.zip(model.coordinates().chunks_exact(3)) {
+                let found = classifier.classify_commanded(frame, command);
+                assert_eq!(found.coordinates, place, "{method:?} {metric:?}");
+                assert_eq!(found.novelty, 0.0);
+                let still = classifier.classify(frame).coordinates.clone();
+                n_moved += usize::from(still != place);
+            }
+            // All that were told anything but to stand still: the first was told to.
+            assert_eq!(n_moved, 149, "{method:?} {metric:?}");
+        }
+    }
+}
+
+#[test]
+fn a_model_that_does_not_compare_commands_is_deaf_to_them() {
+    let mut classifier = Classifier::new(Arc::new(model(Method::Isomap)));
+    let frame = &trip(150, 3)[..N_READINGS];
+    let without = classifier.classify(frame).clone();
+    assert_eq!(classifier.classify_commanded(frame, commands()[149]), &without);
+}
+
+#[test]
+fn native_space_refuses_commands_in_words() {
+    let plan = FitPlan { n_dims: None, ..plan(Method::Native) };
+    let commands = Commands { weight: 0.25, of_frames: vec![Command::default(); 153] };
+    let refusal = fit_with_commands(trip(150, 3), &commands, &plan, Origin::default(), &mut |_, _, _| ());
+    assert_eq!(
+        refusal.unwrap_err().to_string(),
+        "native space has no distances, so that kinds would not follow commands of weight 0.25; use isomap or pca, or a \
+         commands weight of 0"
+    );
+}
+
+#[test]
+fn a_refit_compares_commands_as_the_model_does() {
+    let isomap = commanded(Method::Isomap, MetricPlan::Euclidean);
+    let pca = refit(&isomap, Method::Pca, Size::Matched, &mut |_, _, _| ()).unwrap();
+    assert_eq!(pca.commands(), isomap.commands());
+    assert_eq!(pca.coordinates(), commanded(Method::Pca, MetricPlan::Euclidean).coordinates());
 }
 
 #[test]

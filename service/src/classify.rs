@@ -1,6 +1,6 @@
 //! What the service asks of a model.
 
-use kinds_model::{Classification, Classifier, ModelId, SensorLayout};
+use kinds_model::{Classification, Classifier, Command, ModelId, SensorLayout};
 
 /// Turns frames into kind probabilities: [`Classifier`] on a robot, a stand-in in tests.
 pub trait Classify {
@@ -10,9 +10,14 @@ pub trait Classify {
     /// Which model this is.
     fn model_id(&self) -> ModelId;
 
+    /// Whether frames are compared by commands beside their readings.
+    fn compares_commands(&self) -> bool;
+
     /// Classifies one frame of raw counts, `(n_readings,)`. The service only calls it with frames of
     /// [`layout`](Self::layout).
-    fn classify(&mut self, counts: &[u16]) -> &Classification;
+    ///
+    /// * `command` — what the robot had been told, where the frame says so
+    fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification;
 }
 
 impl Classify for Classifier {
@@ -24,7 +29,11 @@ impl Classify for Classifier {
         self.model().id()
     }
 
-    fn classify(&mut self, counts: &[u16]) -> &Classification {
-        Classifier::classify(self, counts)
+    fn compares_commands(&self) -> bool {
+        self.model().commands().is_some()
+    }
+
+    fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {
+        self.classify_commanded(counts, command)
     }
 }

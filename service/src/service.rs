@@ -4,10 +4,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use kinds_messages::{
-    ChannelError, FRAME_BUFFER, Frame, FrameReader, KindReport, MAX_DIMS, MAX_KINDS, Node, ReportPublisher,
-    SensorName, monotonic_ns,
+    ChannelError, FRAME_BUFFER, Frame, FrameHeader, FrameReader, KindReport, MAX_DIMS, MAX_KINDS, Node,
+    ReportPublisher, SensorName, monotonic_ns,
 };
-use kinds_model::{Classification, N_DIMS_MAX, N_KINDS_MAX, SensorLayout, Status};
+use kinds_model::{Classification, Command, N_DIMS_MAX, N_KINDS_MAX, SensorLayout, Status};
 
 use crate::Classify;
 use crate::refusal::{Refusal, Refusals};
@@ -20,6 +20,11 @@ const _: () = assert!(N_KINDS_MAX <= MAX_KINDS && N_DIMS_MAX <= MAX_DIMS);
 const TICK: Duration = Duration::from_millis(50);
 /// How often what killed programs left is looked for.
 const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
+
+/// Said once of every run. A robot that nobody has told anything yet does stand still, and should not be without kinds until
+/// somebody does; of a driver shim that does not know commands its integrator should hear.
+const UNCOMMANDED: &str = "frames have no command, and the model compares commands beside readings; until one comes the \
+                           robot is taken to stand still";
 
 /// Serves one sensor with one model.
 #[derive(Debug)]
@@ -36,6 +41,8 @@ pub struct Service<C> {
     report: KindReport,
     summary: Summary,
     shim_is_there: bool,
+    /// The last run of which it was said that its frames have no command.
+    uncommanded_run: Option<u64>,
 }
 
 /// What a service did.
@@ -53,6 +60,8 @@ pub struct Summary {
     pub n_refused: u64,
     /// Frames that never came, by the gaps in their sequence.
     pub n_lost: u64,
+    /// Of those classified, compared by commands and without one: taken as of a robot that stands still.
+    pub n_uncommanded: u64,
 }
 
 impl<C: Classify> Service<C> {
@@ -78,6 +87,7 @@ impl<C: Classify> Service<C> {
             report,
             summary: Summary::default(),
             shim_is_there,
+            uncommanded_run: None,
         })
     }
 
@@ -131,10 +141,18 @@ impl<C: Classify> Service<C> {
             return Ok(());
         };
         self.summary.n_lost = self.summary.n_lost.saturating_add(n_lost);
-        let classification = self.classifier.classify(frame.counts());
+        let command = command_of(&header);
+        let is_uncommanded = command.is_none() && self.classifier.compares_commands();
+        let classification = self.classifier.classify(frame.counts(), command);
         match classification.status {
             Status::Classified => self.summary.n_classified += 1,
             Status::Invalid => self.summary.n_invalid += 1,
+        }
+        if is_uncommanded && classification.status == Status::Classified {
+            self.summary.n_uncommanded += 1;
+            if self.uncommanded_run.replace(header.run) != Some(header.run) {
+                tracing::warn!(sensor = %self.sensor, "{UNCOMMANDED}");
+            }
         }
         let report = &mut self.report;
         report.run = header.run;
@@ -159,6 +177,13 @@ impl<C: Classify> Service<C> {
             }
         }
     }
+}
+
+/// What the robot had been told, where the frame says so in numbers.
+fn command_of(header: &FrameHeader) -> Option<Command> {
+    let command = header.known_command()?;
+    let (forward_m_s, turn_rad_s) = (command.forward_m_s, command.turn_rad_s);
+    (forward_m_s.is_finite() && turn_rad_s.is_finite()).then_some(Command { forward_m_s, turn_rad_s })
 }
 
 fn fill(report: &mut KindReport, classification: &Classification) {

@@ -11,7 +11,7 @@ use kinds_messages::{
     FrameHeader, FramePublisher, FrameReader, KindReport, Node, OwnDomain, ReportReader, ReportStatus,
     SensorName, monotonic_ns,
 };
-use kinds_model::{Classification, ModelId, SensorLayout, Status};
+use kinds_model::{Classification, Command, ModelId, SensorLayout, Status};
 
 use crate::{Classify, Service, Summary};
 
@@ -21,12 +21,14 @@ const MODEL_ID: [u8; 16] = *b"the spy's model.";
 
 /// Answers with the first count as kind, and notes where each frame lay and what it held.
 struct Spy {
+    compares_commands: bool,
     seen: Rc<RefCell<Vec<Seen>>>,
     classification: Classification,
 }
 
 struct Seen {
     counts: Vec<u16>,
+    command: Option<Command>,
     address: Range<usize>,
     /// The mapping of /dev/shm that the frame lay in, as /proc/self/maps says.
     mapping: Option<String>,
@@ -44,7 +46,7 @@ impl Spy {
             log_likelihood: -4.5,
             novelty: 0.125,
         };
-        (Self { seen: Rc::clone(&seen), classification }, seen)
+        (Self { compares_commands: false, seen: Rc::clone(&seen), classification }, seen)
     }
 }
 
@@ -57,11 +59,15 @@ impl Classify for Spy {
         ModelId(MODEL_ID)
     }
 
-    fn classify(&mut self, counts: &[u16]) -> &Classification {
+    fn compares_commands(&self) -> bool {
+        self.compares_commands
+    }
+
+    fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {
         let address = counts.as_ptr_range();
         let address = address.start as usize..address.end as usize;
         let mapping = shared_mapping(&address);
-        self.seen.borrow_mut().push(Seen { counts: counts.to_vec(), address, mapping });
+        self.seen.borrow_mut().push(Seen { counts: counts.to_vec(), command, address, mapping });
         let invalid = counts.iter().filter(|&&count| count == 0).count();
         self.classification.n_invalid = invalid;
         self.classification.kind = usize::from(counts[0]);
@@ -305,4 +311,24 @@ fn service_is_woken_by_frames_outlives_its_shim_and_serves_what_waits_when_stopp
         let sent = (0..40).map(|sequence| (1, sequence)).chain((0..42).map(|sequence| (2, sequence)));
         assert!(told.into_iter().eq(sent));
     });
+}
+
+#[test]
+fn a_frames_command_reaches_the_model_and_frames_without_one_are_counted() {
+    let domain = OwnDomain::make().unwrap();
+    let node = Node::open(&domain, "test").unwrap();
+    let (spy, seen) = Spy::new();
+    let mut service = Service::start(&node, &ring(), Spy { compares_commands: true, ..spy }).unwrap();
+    let shim = FramePublisher::create(&node, &ring(), N_READINGS).unwrap();
+    let told = |forward_m_s, turn_rad_s| Some(kinds_messages::Command { forward_m_s, turn_rad_s });
+    let commands = [None, told(0.25, -1.5), told(f64::NAN, 0.0), told(0.0, f64::INFINITY), None];
+    for (sequence, command) in (0..).zip(commands) {
+        // The last frame is invalid: whatever its command, it is not classified.
+        let count = if sequence == 4 { 0 } else { 1 };
+        send(&shim, &header(7, sequence).with_command(command), &[count; N_READINGS]);
+    }
+    let summary = serve_waiting(&mut service);
+    assert_eq!((summary.n_classified, summary.n_invalid, summary.n_uncommanded), (4, 1, 3));
+    let seen: Vec<_> = seen.borrow().iter().map(|seen| seen.command).collect();
+    assert_eq!(seen, [None, Some(Command { forward_m_s: 0.25, turn_rad_s: -1.5 }), None, None, None]);
 }

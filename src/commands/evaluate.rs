@@ -46,6 +46,10 @@ fn evaluate(
         Ok::<_, Failure>(trip)
     };
     let (first, second) = (read(trips[0])?, read(trips[1])?);
+    if model.commands().is_some() {
+        first.require_commands()?;
+        second.require_commands()?;
+    }
     let meeting = Meeting::find(model.layout(), &first, &second, plan)?;
     let mut show = |stage: Stage, done, all| bar.show(stage, done, all);
     let rivals = Rivals::of(model, &mut show)?;

@@ -61,6 +61,9 @@ fn describe(model: &Model) -> String {
         ),
         ("method", format!("{}: {}", method_name(plan), how(model))),
     ];
+    if let Some(scale) = model.commands() {
+        lines.push(("commands", scale.to_string()));
+    }
     if !provenance.islands.is_empty() {
         let (islands, bridges) = (provenance.islands.len(), provenance.bridges.len());
         lines.push((

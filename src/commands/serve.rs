@@ -26,12 +26,16 @@ pub(crate) fn run(arguments: &ServeArguments) -> Result<(), Failure> {
     ))?;
     let summary = service.run(&stop)?;
     mention(format!(
-        "served {} frames: {} classified, {} invalid, {} repeated, {} refused; {} lost",
+        "served {} frames: {} classified, {} invalid, {} repeated, {} refused; {} lost{}",
         summary.n_frames,
         summary.n_classified,
         summary.n_invalid,
         summary.n_repeated,
         summary.n_refused,
         summary.n_lost,
+        match summary.n_uncommanded {
+            0 => String::new(),
+            n => format!("; {n} without a command, taken as standing still"),
+        },
     ))
 }

@@ -122,12 +122,13 @@ pub(crate) fn summary(model: &Model) -> String {
     let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = model.manifest();
     let left = provenance.residual_variance.get(n_dims - 1);
     format!(
-        "learnt {n_kinds} {} from {n_frames} frames of {} readings: {} of {} by {} in {n_dims} dimensions{}",
+        "learnt {n_kinds} {} from {n_frames} frames of {} readings: {} of {} by {}{} in {n_dims} dimensions{}",
         kinds_word(*n_kinds),
         plan.sensor.n_readings(),
         method_name(plan),
         scale_name(plan.response.scale),
         plan.metric,
+        if model.commands().is_some() { " and commands" } else { "" },
         left.map(|left| format!(", residual variance {left:.4}")).unwrap_or_default(),
     )
 }

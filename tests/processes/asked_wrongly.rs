@@ -11,6 +11,7 @@ fn training_numbers_beyond_their_limits_are_refused_with_value_and_limit() {
         "neighbors" | "starts" => "at least 1",
         "invalid-range-m" => "at least 0 m",
         "covariance-floor" => "above 0 and below 1",
+        "commands-weight" => "at least 0",
         _ => "above 0 m",
     };
     for (flag, values) in [
@@ -23,6 +24,7 @@ fn training_numbers_beyond_their_limits_are_refused_with_value_and_limit() {
         ("offset-m", &["0", "NaN"]),
         ("metres-per-count", &["0", "NaN", "inf"]),
         ("covariance-floor", &["0", "1", "NaN"]),
+        ("commands-weight", &["-0.1", "NaN", "inf"]),
     ] {
         for value in values {
             let field = flag.replace('-', "_");
@@ -30,7 +32,9 @@ fn training_numbers_beyond_their_limits_are_refused_with_value_and_limit() {
             let named = format!("--{flag}");
             robot.refuse(&["train", FIRST, "--output", MODEL, &named, value], 2, &sentence);
             if !["NaN", "inf"].contains(value) {
-                robot.write("limit.ron", format!("({field}: {value})"));
+                let (group, close) =
+                    if flag == "commands-weight" { ("commands: (weight", ")") } else { (&*field, "") };
+                robot.write("limit.ron", format!("({group}: {value}){close}"));
                 let config = ["train", FIRST, "--output", MODEL, "--config", "limit.ron"];
                 robot.refuse_with(&config, 2, &[&sentence]);
             }

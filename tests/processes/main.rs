@@ -5,6 +5,7 @@
 
 mod asked_wrongly;
 mod bad_trips;
+mod commands;
 mod consumer;
 mod demo;
 mod evaluate;

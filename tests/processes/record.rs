@@ -9,7 +9,7 @@ use rustix::process::Signal;
 
 use crate::robot::{Robot, SECOND, SENSOR};
 use crate::running::Running;
-use crate::world::{Trip, read_trip, read_trip_by};
+use crate::world::{Trip, read_trip, read_trip_by, told_along_the_loop};
 
 const RECORDED: &str = "recorded.mcap";
 
@@ -21,10 +21,10 @@ fn record(robot: &Robot, more: &[&str]) -> Running {
 }
 
 #[test]
-fn a_recorded_replay_has_the_frames_and_poses_of_its_trip_and_a_report_on_each() {
+fn a_recorded_replay_has_the_frames_poses_and_commands_of_its_trip_and_a_report_on_each() {
     let robot = Robot::trained();
     let n_frames = 40;
-    Trip { n_frames, ..Trip::SECOND }.write(&robot.path("short.mcap"));
+    Trip { n_frames, command: told_along_the_loop, ..Trip::SECOND }.write(&robot.path("short.mcap"));
     let service = robot.serve();
     let recorder = record(&robot, &["--count", "40"]);
     // Paced replay waits for nobody: slow enough for a recorder that has to share its processor with other tests.
@@ -38,9 +38,13 @@ fn a_recorded_replay_has_the_frames_and_poses_of_its_trip_and_a_report_on_each()
     service.stop(Signal::TERM);
     let (expected, found) = (read_trip(&robot.path("short.mcap")), read_trip(&robot.path(RECORDED)));
     assert_eq!(found.len(), n_frames);
+    let n_told = found.iter().filter(|(frame, _)| frame.command.is_some()).count();
+    // Of the 40 frames twice around, the first two come before the first command.
+    assert_eq!(n_told, n_frames - 2);
     for ((expected, expected_counts), (found, found_counts)) in expected.iter().zip(&found) {
         assert_eq!(found_counts, expected_counts);
         assert_eq!(found.captured, expected.captured);
+        assert_eq!(found.command, expected.command);
         let (expected, found) = (expected.pose.unwrap(), found.pose.unwrap());
         // Through a quaternion and back.
         let error = (expected.x_m - found.x_m).abs().max((expected.yaw_rad - found.yaw_rad).abs());
@@ -69,6 +73,8 @@ fn a_signal_completes_the_trip_that_is_being_recorded() {
     for ((by_odometry, counts), (by_truth, _)) in believed.into_iter().zip(true_poses) {
         let moment = crunch.step(&mut expected).unwrap();
         assert_eq!((by_odometry.captured, counts), (moment.captured, expected.clone()));
+        let command = by_odometry.command.map(|command| (command.forward_m_s, command.turn_rad_s));
+        assert_eq!(command, Some((moment.command.forward_m_s, moment.command.turn_rad_s)));
         for (found, expected) in [(by_odometry, moment.odometry), (by_truth, moment.true_pose)] {
             let found = found.pose.unwrap();
             assert_eq!((found.x_m, found.y_m), (expected.x_m, expected.y_m));

@@ -8,8 +8,8 @@ use bytes::Bytes;
 use kinds_messages::{KindReport, ReportStatus};
 use kinds_model::{Classification, Classifier, Model, Status};
 use kinds_trips::{
-    Compression, FrameInfo, FrameLayout, Image, ImageEncoding, Pose, Scan, Selection, Stamp, TripReader,
-    TripWriter, WriterOptions,
+    Command, Compression, FrameInfo, FrameLayout, Image, ImageEncoding, Pose, Scan, Selection, Stamp,
+    TripReader, TripWriter, WriterOptions,
 };
 
 const METRES_PER_COUNT: f64 = 0.001;
@@ -29,6 +29,8 @@ pub(crate) struct Trip<'a> {
     pub(crate) frames_topics: &'a [&'a str],
     /// Poses topics. Each gets every pose.
     pub(crate) poses_topics: &'a [&'a str],
+    /// What the robot was told at each place of the loop, 0 to 1, where somebody told it.
+    pub(crate) command: fn(f64) -> Option<Command>,
     /// Frames of which no reading is valid.
     pub(crate) invalid_frames: &'a [usize],
     /// Frames from this one on have half the readings.
@@ -49,6 +51,7 @@ impl Trip<'static> {
         x_m: 0.0,
         frames_topics: &["/ring"],
         poses_topics: &["/odom"],
+        command: |_| None,
         invalid_frames: &[],
         halved_from: usize::MAX,
         is_constant: false,
@@ -76,6 +79,9 @@ impl Trip<'_> {
             let pose = Pose { x_m: self.x_m + 3.0 * cos, y_m: 3.0 * sin, yaw_rad: TAU * place };
             for topic in self.poses_topics {
                 writer.write_odometry(topic, at, &pose).unwrap();
+            }
+            if let Some(command) = (self.command)(place) {
+                writer.write_command("/cmd_vel", at, &command).unwrap();
             }
             let counts = self.counts(frame_index, place);
             for topic in self.frames_topics {
@@ -122,6 +128,12 @@ impl Trip<'_> {
     }
 }
 
+/// Driven by somebody who slows down and turns along the loop, and first takes the stick in hand a little way into it.
+pub(crate) fn told_along_the_loop(place: f64) -> Option<Command> {
+    let (sin, cos) = (TAU * place).sin_cos();
+    (place > 0.05).then_some(Command { forward_m_s: 0.4 + 0.2 * sin, turn_rad_s: 0.8 * cos })
+}
+
 /// Distance to the wall: a room that widens and narrows along the loop, with a corner that comes and goes.
 fn range_m(place: f64, bearing_rad: f64) -> f64 {
     let along = TAU * place;
@@ -165,7 +177,11 @@ pub(crate) fn assert_reports_equal_classifying_here(reports: &[KindReport], mode
     assert_eq!(sequences, (0..frames.len() as u64).collect::<Vec<_>>());
     let mut classifier = Classifier::new(Arc::clone(&model));
     for (report, (frame, counts)) in reports.iter().zip(&frames) {
-        assert_equal_bits(report, classifier.classify(counts));
+        let command = frame.command.map(|command| kinds_model::Command {
+            forward_m_s: command.forward_m_s,
+            turn_rad_s: command.turn_rad_s,
+        });
+        assert_equal_bits(report, classifier.classify_commanded(counts, command));
         assert_eq!(report.captured_ns, frame.captured.0);
         assert_eq!(report.model_id, model.id().0);
         assert_eq!((report.run, report.n_lost), (reports[0].run, 0));

@@ -53,6 +53,19 @@ pub struct Config {
     pub frames_topic: Option<String>,
     /// Topic of the poses. Default: the only one that fits.
     pub poses_topic: Option<String>,
+    /// Topic of the commands. Default: the only one that fits.
+    pub commands_topic: Option<String>,
+    /// What the robot was told to do, as a part of each frame. Default: frames are compared by readings alone.
+    pub commands: CommandsConfig,
+}
+
+/// How frames are compared by commands.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CommandsConfig {
+    /// The commands' part in the mean squared distance between frames, as a multiple of the readings' part: half of it by
+    /// speed forward and half by turn. At least 0. Default: 0, by readings alone.
+    pub weight: Option<f64>,
 }
 
 /// Which models are to be learnt from the frames.
@@ -140,6 +153,8 @@ impl Config {
             metres_per_count: over.metres_per_count.or(self.metres_per_count),
             frames_topic: over.frames_topic.or(self.frames_topic),
             poses_topic: over.poses_topic.or(self.poses_topic),
+            commands_topic: over.commands_topic.or(self.commands_topic),
+            commands: CommandsConfig { weight: over.commands.weight.or(self.commands.weight) },
         }
     }
 
@@ -178,9 +193,16 @@ impl Config {
             "at least 0 m",
         )?;
         within("offset_m", self.offset_m, positive, "above 0 m")?;
+        let not_negative: fn(f64) -> bool = |value| value.is_finite() && value >= 0.0;
+        within("commands_weight", self.commands.weight, not_negative, "at least 0")?;
         within("metres_per_count", self.metres_per_count, positive, "above 0 m")?;
         let share: fn(f64) -> bool = |value| value > 0.0 && value < 1.0;
         within("covariance_floor", self.covariance_floor, share, "above 0 and below 1")
+    }
+
+    /// How much commands weigh, if frames are to be compared by them.
+    pub(crate) fn commands_weight(&self) -> Option<f64> {
+        self.commands.weight.filter(|weight| *weight > 0.0)
     }
 
     /// What to read of a trip.
@@ -189,6 +211,7 @@ impl Config {
         Selection {
             frames_topic: self.frames_topic.clone(),
             poses_topic: self.poses_topic.clone(),
+            commands_topic: self.commands_topic.clone(),
             metres_per_count: self.metres_per_count.unwrap_or(usual.metres_per_count),
         }
     }
@@ -272,6 +295,19 @@ mod tests {
     }
 
     #[test]
+    fn commands_weigh_what_a_flag_says_or_else_the_file() {
+        let file = Config::from_ron("(commands: (weight: 0.3))").unwrap();
+        assert_eq!(file.commands_weight(), Some(0.3));
+        let flags =
+            |weight| Config { commands: CommandsConfig { weight: Some(weight) }, ..Config::default() };
+        assert_eq!(file.clone().overridden_by(flags(0.1)).commands_weight(), Some(0.1));
+        assert_eq!(file.clone().overridden_by(Config::default()).commands_weight(), Some(0.3));
+        // No weight is no commands.
+        assert_eq!(file.overridden_by(flags(0.0)).commands_weight(), None);
+        assert_eq!(Config::from_ron("()").unwrap().commands_weight(), None);
+    }
+
+    #[test]
     fn both_methods_begin_with_isomap() {
         let plan = |text: &str| Config::from_ron(text).unwrap().plan(RING, &[1]).unwrap();
         assert_eq!(plan("(method: both)"), plan("(method: isomap)"));
@@ -303,6 +339,8 @@ mod tests {
             refuse("(covariance_floor: 1.5)"),
             "covariance_floor is 1.5; it must be above 0 and below 1"
         );
+        assert_eq!(refuse("(commands: (weight: -0.1))"), "commands_weight is -0.1; it must be at least 0");
+        assert!(refuse("(commands: (wait: 0.1))").starts_with("line 1, column "));
         assert_eq!(
             refuse("(landmarks: \"110%\")"),
             "line 1, column 19: landmarks are 110%; they must be all, a count such as 500, or a share above 0% and at most \

@@ -7,7 +7,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use kinds_model::{Classifier, FitError, Method, Model, SensorLayout, Size, refit};
+use kinds_model::{Classifier, Command, FitError, Method, Model, SensorLayout, Size, refit};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use crate::agreement::adjusted_mutual_information;
 use crate::consistency::{Places, Revisits, kappa};
-use crate::load::LoadedTrip;
+use crate::load::{LoadedTrip, of_model};
 use crate::progress::{Progress, Stage, fitting};
 
 /// How consistency is measured.
@@ -175,8 +175,8 @@ impl<'a> Meeting<'a> {
     fn classify(&self, model: &Model, classified: &mut dyn FnMut()) -> [Vec<usize>; 2] {
         let mut classifier = Classifier::new(Arc::new(model.clone()));
         [0, 1].map(|trip| {
-            let kind = |counts: &&[u16]| {
-                let kind = classifier.classify(counts).kind;
+            let kind = |&(counts, command): &(&[u16], Option<Command>)| {
+                let kind = classifier.classify_commanded(counts, command).kind;
                 classified();
                 kind
             };
@@ -304,14 +304,16 @@ fn check(plan: &EvaluationPlan) -> Result<(), EvaluateError> {
 #[derive(Debug)]
 struct Placed<'a> {
     places: Places,
-    frames: Vec<&'a [u16]>,
+    /// What the sensor saw and the robot had been told.
+    frames: Vec<(&'a [u16], Option<Command>)>,
 }
 
 impl<'a> Placed<'a> {
     fn of(trip: &'a LoadedTrip) -> Result<Self, EvaluateError> {
-        let known =
-            trip.poses.iter().zip(trip.frames()).filter_map(|(pose, counts)| Some(((*pose)?, counts)));
-        let (poses, frames): (Vec<_>, Vec<_>) = known.unzip();
+        let commands = trip.commands.iter().map(|command| command.map(of_model));
+        let known = trip.poses.iter().zip(trip.frames().zip(commands));
+        let (poses, frames): (Vec<_>, Vec<_>) =
+            known.filter_map(|(pose, frame)| Some(((*pose)?, frame))).unzip();
         match poses.is_empty() {
             true => Err(EvaluateError::NoPoses { path: trip.path.clone() }),
             false => Ok(Self { places: Places { poses }, frames }),

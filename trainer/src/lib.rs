@@ -18,7 +18,7 @@ mod track;
 mod train;
 
 pub use agreement::adjusted_mutual_information;
-pub use config::{Config, ConfigError, MethodChoice};
+pub use config::{CommandsConfig, Config, ConfigError, MethodChoice};
 pub use consistency::{Consistency, Places, Revisits, kappa};
 pub use evaluate::{
     EvaluateError, Evaluation, EvaluationPlan, Meeting, MethodScores, Methods, Rivals, evaluate,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use kinds_model::SensorLayout;
 use kinds_model::response::INVALID;
-use kinds_trips::{Pose, Selection, Stamp, TripError, TripReader};
+use kinds_trips::{Command, Pose, Role, Selection, Stamp, TripError, TripReader};
 
 use crate::progress::{Progress, Stage};
 
@@ -21,6 +21,8 @@ pub struct LoadedTrip {
     pub captured: Vec<Stamp>,
     /// Where the robot was, shape `(n_frames,)`.
     pub poses: Vec<Option<Pose>>,
+    /// What it had been told to do, shape `(n_frames,)`.
+    pub commands: Vec<Option<Command>>,
     /// Frames left out because no reading was valid.
     pub n_frames_invalid: usize,
     /// That the recording was cut off, in words.
@@ -41,6 +43,19 @@ pub enum LoadError {
         /// Frames in it.
         n_frames: usize,
     },
+    /// Nothing to compare beside readings.
+    #[error(
+        "trip {path} has no commands to compare frames by: no message of type {types} came at or before any of its {n_frames} \
+         frames; record what the robot is told, or train with a commands weight of 0"
+    )]
+    NoCommands {
+        /// The file.
+        path: PathBuf,
+        /// The types of message that give commands.
+        types: String,
+        /// Frames in it.
+        n_frames: usize,
+    },
 }
 
 impl LoadedTrip {
@@ -53,6 +68,24 @@ impl LoadedTrip {
     pub fn frames(&self) -> impl Iterator<Item = &[u16]> {
         self.counts.chunks_exact(self.layout.n_readings())
     }
+
+    /// For a model that compares commands.
+    ///
+    /// # Errors
+    /// If no frame has one.
+    pub fn require_commands(&self) -> Result<(), LoadError> {
+        if self.commands.iter().any(Option::is_some) {
+            return Ok(());
+        }
+        let (path, n_frames) = (self.path.clone(), self.n_frames());
+        Err(LoadError::NoCommands { path, types: Role::Commands.types(), n_frames })
+    }
+}
+
+/// A trip's command as models compare it.
+pub(crate) fn of_model(command: Command) -> kinds_model::Command {
+    let Command { forward_m_s, turn_rad_s } = command;
+    kinds_model::Command { forward_m_s, turn_rad_s }
 }
 
 /// Reads a trip.
@@ -71,7 +104,7 @@ pub fn load(path: &Path, selection: &Selection, progress: &mut Progress) -> Resu
     };
     let n_readings = layout.n_readings();
     let (mut counts, mut poses, mut n_frames_invalid) = (Vec::new(), Vec::new(), 0);
-    let mut captured = Vec::new();
+    let (mut captured, mut commands) = (Vec::new(), Vec::new());
     loop {
         let start = counts.len();
         counts.resize(start + n_readings, INVALID);
@@ -85,6 +118,7 @@ pub fn load(path: &Path, selection: &Selection, progress: &mut Progress) -> Resu
         } else {
             captured.push(frame.captured);
             poses.push(frame.pose);
+            commands.push(frame.command);
         }
         let (read, all) = reader.progress();
         progress(Stage::Reading(path), read, all);
@@ -93,5 +127,14 @@ pub fn load(path: &Path, selection: &Selection, progress: &mut Progress) -> Resu
         return Err(LoadError::AllInvalid { path: path.to_path_buf(), n_frames: n_frames_invalid });
     }
     let truncation = reader.truncation().map(|truncation| format!("trip {} {truncation}", path.display()));
-    Ok(LoadedTrip { path: path.to_path_buf(), layout, counts, captured, poses, n_frames_invalid, truncation })
+    Ok(LoadedTrip {
+        path: path.to_path_buf(),
+        layout,
+        counts,
+        captured,
+        poses,
+        commands,
+        n_frames_invalid,
+        truncation,
+    })
 }

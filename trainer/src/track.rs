@@ -65,6 +65,7 @@ mod tests {
             counts: vec![7, 8, 9],
             captured: [1_000_000_000, 1_250_000_000, 1_500_000_000].map(Stamp).to_vec(),
             poses: vec![None, place, place],
+            commands: vec![None; 3],
             n_frames_invalid: 0,
             truncation: None,
         };

@@ -3,10 +3,13 @@
 use std::path::PathBuf;
 
 use kinds_model::evidence::{N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out};
-use kinds_model::{FitError, KindsTrial, Manifest, Method, Model, Origin, SensorLayout, Size, fit, refit};
+use kinds_model::{
+    Command, CommandScale, Commands, FitError, KindsTrial, Manifest, Method, Model, Origin, SensorLayout,
+    Size, fit, fit_with_commands, refit,
+};
 
 use crate::config::{Config, ConfigError, MethodChoice};
-use crate::load::{LoadError, load};
+use crate::load::{LoadError, load, of_model};
 use crate::progress::{Progress, fitting};
 use crate::track::Track;
 
@@ -71,6 +74,7 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
     let selection = config.selection();
     let mut remarks = Vec::new();
     let (mut counts, mut sensor, mut origin) = (Vec::new(), None, Origin::default());
+    let mut commands = Vec::new();
     let mut tracks = Vec::new();
     for path in trips {
         let mut trip = load(path, &selection, progress)?;
@@ -78,12 +82,16 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
         if trip.layout != expected {
             return Err(TrainError::OtherSensor { path: path.clone(), found: trip.layout, expected });
         }
+        if config.commands_weight().is_some() {
+            trip.require_commands()?;
+        }
         remarks.extend(trip.truncation.take());
         let name = path.file_name().unwrap_or(path.as_os_str());
         origin.trips.push(name.to_string_lossy().into_owned());
         origin.n_frames.push(trip.n_frames());
         origin.n_frames_invalid += trip.n_frames_invalid;
         tracks.push(Track::of(&trip));
+        commands.extend(trip.commands.iter().map(|command| command.map(of_model)));
         // The first trip's memory is kept: copying 20,000 camera frames would double it.
         if counts.is_empty() { counts = trip.counts } else { counts.append(&mut trip.counts) }
     }
@@ -92,7 +100,17 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
         remarks.push(format!("{} frames without any valid reading were left out", origin.n_frames_invalid));
     }
     let plan = config.plan(sensor, &counts)?;
-    let model = fit(counts, &plan, origin, &mut fitting(progress)).map_err(TrainError::Fit)?;
+    let fitted = match config.commands_weight() {
+        Some(weight) => {
+            remarks.extend(remark_on_uncommanded(&commands));
+            let of_frames = commands.into_iter().map(Option::unwrap_or_default).collect();
+            let commands = Commands { weight, of_frames };
+            fit_with_commands(counts, &commands, &plan, origin, &mut fitting(progress))
+        }
+        None => fit(counts, &plan, origin, &mut fitting(progress)),
+    };
+    let model = fitted.map_err(TrainError::Fit)?;
+    remarks.extend(model.commands().and_then(remark_on_commands));
     remarks.extend(remark_on_islands(&model));
     remarks.extend(remark_on_kinds(&model.manifest().provenance.kinds_tried));
     remarks.extend(remark_on_native_space(&model));
@@ -125,6 +143,35 @@ impl PcaModels {
 
 fn of_pca(remark: String) -> String {
     format!("principal components: {remark}")
+}
+
+/// That frames without a command, as before a trip's first, are of a robot that stands still.
+fn remark_on_uncommanded(commands: &[Option<Command>]) -> Option<String> {
+    let n_uncommanded = commands.iter().filter(|command| command.is_none()).count();
+    (n_uncommanded > 0).then(|| {
+        let n_frames = commands.len();
+        format!("{n_uncommanded} of {n_frames} frames come before a trip's first command; there the robot is taken to stand still")
+    })
+}
+
+/// Components that were always the same, and so tell no frames apart.
+fn remark_on_commands(scale: &CommandScale) -> Option<String> {
+    let (forward, turn) = (scale.forward, scale.turn);
+    match (forward.varied(), turn.varied()) {
+        (true, true) => None,
+        (false, true) => Some(format!(
+            "the commanded speed forward was always {} m/s and weighs nothing; frames are compared by the commanded turn alone",
+            forward.least
+        )),
+        (true, false) => Some(format!(
+            "the commanded turn was always {} rad/s and weighs nothing; frames are compared by the commanded speed alone",
+            turn.least
+        )),
+        (false, false) => Some(format!(
+            "the command was always {} m/s forward and {} rad/s of turn and weighs nothing; frames are compared by readings alone",
+            forward.least, turn.least
+        )),
+    }
 }
 
 fn remark_on_islands(model: &Model) -> Option<String> {
@@ -190,6 +237,8 @@ fn remark_on_kinds(tried: &[KindsTrial]) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use kinds_model::CommandColumn;
+
     use super::*;
 
     /// Trials of 1, 2, … kinds with these values of BIC_neff and held-out likelihood.
@@ -206,6 +255,38 @@ mod tests {
             })
             .collect();
         remark_on_kinds(&trials)
+    }
+
+    #[test]
+    fn frames_without_a_command_are_told() {
+        let told = Some(Command { forward_m_s: 0.5, turn_rad_s: 0.0 });
+        assert_eq!(remark_on_uncommanded(&[told; 3]), None);
+        assert_eq!(
+            remark_on_uncommanded(&[None, None, told, told]).unwrap(),
+            "2 of 4 frames come before a trip's first command; there the robot is taken to stand still"
+        );
+    }
+
+    #[test]
+    fn commands_that_tell_nothing_apart_are_told() {
+        let remark = |forward: [f64; 2], turn: [f64; 2]| {
+            let column = |[least, greatest]: [f64; 2]| CommandColumn { least, greatest, weight: 0 };
+            remark_on_commands(&CommandScale { weight: 0.1, forward: column(forward), turn: column(turn) })
+        };
+        assert_eq!(remark([0.0, 0.5], [-1.0, 1.0]), None);
+        assert_eq!(
+            remark([0.5, 0.5], [-1.0, 1.0]).unwrap(),
+            "the commanded speed forward was always 0.5 m/s and weighs nothing; frames are compared by the commanded turn alone"
+        );
+        assert_eq!(
+            remark([0.0, 0.5], [0.0, 0.0]).unwrap(),
+            "the commanded turn was always 0 rad/s and weighs nothing; frames are compared by the commanded speed alone"
+        );
+        assert_eq!(
+            remark([0.5, 0.5], [-0.25, -0.25]).unwrap(),
+            "the command was always 0.5 m/s forward and -0.25 rad/s of turn and weighs nothing; frames are compared by \
+             readings alone"
+        );
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Which topics a trip has, and which of them give frames and poses.
+//! Which topics a trip has, and which of them give frames, poses and commands.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -14,6 +14,8 @@ pub enum Role {
     Frames,
     /// Poses.
     Poses,
+    /// What the robot was told to do.
+    Commands,
 }
 
 /// How frames are encoded on a topic.
@@ -30,19 +32,28 @@ pub(crate) enum PoseType {
     PoseStamped,
 }
 
+/// How commands are encoded on a topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum CommandType {
+    Twist,
+    TwistStamped,
+}
+
 pub(crate) const LASER_SCAN: &str = "sensor_msgs/msg/LaserScan";
 pub(crate) const IMAGE: &str = "sensor_msgs/msg/Image";
 pub(crate) const ODOMETRY: &str = "nav_msgs/msg/Odometry";
 pub(crate) const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
+pub(crate) const TWIST: &str = "geometry_msgs/msg/Twist";
 pub(crate) const TWIST_STAMPED: &str = "geometry_msgs/msg/TwistStamped";
 pub(crate) const FLOAT64_MULTI_ARRAY: &str = "std_msgs/msg/Float64MultiArray";
 
 impl Role {
     /// The types of message that give these, in a sentence.
-    pub(crate) fn types(self) -> String {
+    pub fn types(self) -> String {
         match self {
             Role::Frames => format!("{LASER_SCAN} or {IMAGE}"),
             Role::Poses => format!("{ODOMETRY} or {POSE_STAMPED}"),
+            Role::Commands => format!("{TWIST} or {TWIST_STAMPED}"),
         }
     }
 
@@ -50,6 +61,7 @@ impl Role {
         let fits = match self {
             Role::Frames => topic.frame_type().is_some(),
             Role::Poses => topic.pose_type().is_some(),
+            Role::Commands => topic.command_type().is_some(),
         };
         // A recorder lists topics that it subscribed to even if nothing came.
         fits && topic.message_encoding == "cdr" && topic.n_messages > 0
@@ -82,6 +94,14 @@ impl Topic {
         match self.type_name.as_str() {
             ODOMETRY => Some(PoseType::Odometry),
             POSE_STAMPED => Some(PoseType::PoseStamped),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn command_type(&self) -> Option<CommandType> {
+        match self.type_name.as_str() {
+            TWIST => Some(CommandType::Twist),
+            TWIST_STAMPED => Some(CommandType::TwistStamped),
             _ => None,
         }
     }

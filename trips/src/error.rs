@@ -270,12 +270,13 @@ fn list(topics: &[Topic]) -> String {
     if sentence.is_empty() { "no topics".to_owned() } else { sentence }
 }
 
-/// `frames` or `poses`, as in the flags that choose their topics.
+/// `frames`, `poses` or `commands`, as in the flags that choose their topics.
 impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Role::Frames => "frames",
             Role::Poses => "poses",
+            Role::Commands => "commands",
         })
     }
 }

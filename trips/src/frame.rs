@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::{Pose, Stamp};
+use crate::{Command, Pose, Stamp};
 
 /// How the readings of a frame lie, and their unit. All frames of a trip have the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,4 +36,6 @@ pub struct FrameInfo {
     pub captured: Stamp,
     /// Where the robot was then, if the trip says so.
     pub pose: Option<Pose>,
+    /// What it had been told to do by then, if the trip says so.
+    pub command: Option<Command>,
 }

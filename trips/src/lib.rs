@@ -2,11 +2,13 @@
 //!
 //! A *trip* is one `.mcap` file: frames of one range sensor (`sensor_msgs/msg/LaserScan`, or `sensor_msgs/msg/Image`
 //! as `16UC1` or `32FC1`) and, where the robot knew them, poses (`nav_msgs/msg/Odometry`, or
-//! `geometry_msgs/msg/PoseStamped` where there is no odometry or it is asked for by name), encoded as CDR.
+//! `geometry_msgs/msg/PoseStamped` where there is no odometry or it is asked for by name) and what it was told to do
+//! (`geometry_msgs/msg/Twist` or `geometry_msgs/msg/TwistStamped`), encoded as CDR.
 //!
-//! * [`TripReader`] turns it into *frames*: `u16` counts of a stated unit, each with its time of capture and the pose
-//!   at that time. Reading streams: memory does not grow with the length of the trip.
-//! * [`TripWriter`] writes the same, and commands and kinds beside them, for `ros2 bag`, Foxglove, PlotJuggler and the `rosbags` package to read.
+//! * [`TripReader`] turns it into *frames*: `u16` counts of a stated unit, each with its time of capture, and the pose
+//!   and the command at that time. Reading streams: memory does not grow with the length of the trip.
+//! * [`TripWriter`] writes the same, and kinds beside them, for `ros2 bag`, Foxglove, PlotJuggler and the `rosbags`
+//!   package to read.
 //!
 //! # Metres become counts
 //!
@@ -23,6 +25,12 @@
 //! where these two are at most [`MAX_POSE_GAP_S`] apart. Elsewhere (before the first pose, after the last, in a longer
 //! gap) it is the nearest pose if that is at most [`MAX_POSE_REACH_S`] away, and else there is none.
 //!
+//! # Commands come to frames
+//!
+//! A frame's command is the last at or before its time of capture, however long ago: a robot does what it was told last.
+//! There is none before the first. A message without a stamp was given when it was logged; one that says no velocity
+//! (NaN) changes nothing. Of a twist, the speed forward and the turn are read, not the other four axes.
+//!
 //! # Recordings that were cut off
 //!
 //! A recording that a power cut ended is read up to its last whole chunk (its last whole message where it has no
@@ -31,9 +39,11 @@
 
 mod catalogue;
 mod chunk;
+mod command;
 mod counts;
 mod error;
 mod frame;
+mod history;
 mod lookahead;
 mod message;
 mod pose;
@@ -46,6 +56,7 @@ mod summary;
 mod writer;
 
 pub use catalogue::{Role, Topic};
+pub use command::Command;
 pub use error::{MessageFault, TripError, TripWriteError};
 pub use frame::{FrameInfo, FrameLayout};
 pub use pose::Pose;

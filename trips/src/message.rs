@@ -1,4 +1,5 @@
-//! ROS 2 messages to counts and poses, and back: `LaserScan`, `Image`, `Odometry` and `PoseStamped` in plain CDR.
+//! ROS 2 messages to counts, poses and commands, and back: `LaserScan`, `Image`, `Odometry`, `PoseStamped`, `Twist` and
+//! `TwistStamped` in plain CDR.
 //!
 //! The structures mirror the wire: fields in its order. Strings are read as the bytes they lie in, with their closing
 //! zero, so that nothing is copied and a `frame_id` that is not UTF-8 stops nobody; they are written as `&str`.
@@ -6,9 +7,9 @@
 use byteorder::{BigEndian, LittleEndian};
 use serde::{Deserialize, Serialize, Serializer};
 
-use crate::catalogue::PoseType;
+use crate::catalogue::{CommandType, PoseType};
 use crate::counts::{RangeLimits, Unit};
-use crate::{MessageFault, Pose, Stamp};
+use crate::{Command, MessageFault, Pose, Stamp};
 
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Header<S> {
@@ -63,9 +64,15 @@ pub(crate) struct PoseStampedMessage<S> {
 }
 
 /// Velocities, linear and angular: six numbers on the wire.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 pub(crate) struct TwistStampedMessage<S> {
     pub(crate) header: Header<S>,
+    pub(crate) twist: [f64; 6],
+}
+
+/// The same without a time.
+#[derive(Deserialize)]
+pub(crate) struct TwistMessage {
     pub(crate) twist: [f64; 6],
 }
 
@@ -167,6 +174,22 @@ pub(crate) fn read_pose(
         }
     };
     Ok((stamp(&header), Pose::from_position_orientation(position_m, orientation_xyzw)))
+}
+
+/// Reads a command: when it was given, if the message says so, and what, if it says a velocity (see
+/// [`Command::from_twist`]).
+pub(crate) fn read_command(
+    command_type: CommandType,
+    data: &[u8],
+) -> Result<(Option<Stamp>, Option<Command>), MessageFault> {
+    let (at, twist) = match command_type {
+        CommandType::Twist => (None, decode::<TwistMessage>(data)?.twist),
+        CommandType::TwistStamped => {
+            let command: TwistStampedMessage<&[u8]> = decode(data)?;
+            (stamp(&command.header), command.twist)
+        }
+    };
+    Ok((at, Command::from_twist(twist)))
 }
 
 /// A message in little-endian CDR.

@@ -1,7 +1,6 @@
-//! The poses around now: a bounded window of a trip's odometry, looked up by time.
+//! Where the robot was at a moment, by the poses around it.
 
-use std::collections::VecDeque;
-
+use crate::history::History;
 use crate::{Pose, Stamp};
 
 /// The longest time between two poses that are interpolated between, in seconds.
@@ -13,50 +12,23 @@ pub const MAX_POSE_GAP_S: f64 = 1.0;
 /// [`MAX_POSE_GAP_S`] of the first) and still take it.
 pub const MAX_POSE_REACH_S: f64 = 0.2;
 
-/// Poses kept: four seconds of odometry at 1 kHz, which is more than frames are ever logged late. 128 KiB.
-pub(crate) const MAX_POSES: usize = 4096;
-
-/// The last [`MAX_POSES`] poses, in order of their stamps.
-#[derive(Default)]
-pub(crate) struct PoseTrack {
-    poses: VecDeque<(Stamp, Pose)>,
-}
-
-impl PoseTrack {
-    /// Adds a pose; one that comes out of order goes to its place. Forgets the oldest beyond [`MAX_POSES`].
-    pub(crate) fn insert(&mut self, at: Stamp, pose: Pose) {
-        let index = self.poses.partition_point(|(stamp, _)| *stamp <= at);
-        self.poses.insert(index, (at, pose));
-        if self.poses.len() > MAX_POSES {
-            self.poses.pop_front();
+/// The pose at a moment, by the rule in the crate's documentation.
+pub(crate) fn pose_at(poses: &History<Pose>, at: Stamp) -> Option<Pose> {
+    let [before, after] = poses.around(at);
+    if let (Some((t_before, a)), Some((t_after, b))) = (before, after) {
+        let gap_s = t_after.seconds_since(t_before);
+        if gap_s <= MAX_POSE_GAP_S {
+            // The gap is not 0: before ≤ at < after.
+            return Some(Pose::interpolate(&a, &b, at.seconds_since(t_before) / gap_s));
         }
     }
-
-    /// Whether a pose at or after `at` is known, so that waiting for one is over.
-    pub(crate) fn reaches(&self, at: Stamp) -> bool {
-        self.poses.back().is_some_and(|(newest, _)| *newest >= at)
-    }
-
-    /// The pose at a moment, by the rule in the crate's documentation.
-    pub(crate) fn pose_at(&self, at: Stamp) -> Option<Pose> {
-        let index = self.poses.partition_point(|(stamp, _)| *stamp <= at);
-        let before = index.checked_sub(1).and_then(|before| self.poses.get(before));
-        let after = self.poses.get(index);
-        if let (Some((t_before, a)), Some((t_after, b))) = (before, after) {
-            let gap_s = t_after.seconds_since(*t_before);
-            if gap_s <= MAX_POSE_GAP_S {
-                // The gap is not 0: before ≤ at < after.
-                return Some(Pose::interpolate(a, b, at.seconds_since(*t_before) / gap_s));
-            }
-        }
-        let distance_s = |stamp: Stamp| at.seconds_since(stamp).abs();
-        [before, after]
-            .into_iter()
-            .flatten()
-            .min_by(|(a, _), (b, _)| distance_s(*a).total_cmp(&distance_s(*b)))
-            .filter(|(stamp, _)| distance_s(*stamp) <= MAX_POSE_REACH_S)
-            .map(|(_, pose)| *pose)
-    }
+    let distance_s = |stamp: Stamp| at.seconds_since(stamp).abs();
+    [before, after]
+        .into_iter()
+        .flatten()
+        .min_by(|(a, _), (b, _)| distance_s(*a).total_cmp(&distance_s(*b)))
+        .filter(|(stamp, _)| distance_s(*stamp) <= MAX_POSE_REACH_S)
+        .map(|(_, pose)| pose)
 }
 
 #[cfg(test)]
@@ -67,19 +39,19 @@ mod tests {
         Stamp(ms * 1_000_000)
     }
 
-    /// A track with a pose at each of these times, x_m the time in seconds.
-    fn track(times_ms: &[i64]) -> PoseTrack {
-        let mut track = PoseTrack::default();
+    /// A pose at each of these times, x_m the time in seconds.
+    fn poses(times_ms: &[i64]) -> History<Pose> {
+        let mut poses = History::default();
         for &ms in times_ms {
-            track.insert(at_ms(ms), Pose { x_m: ms as f64 * 1e-3, y_m: 0.0, yaw_rad: 0.0 });
+            poses.insert(at_ms(ms), Pose { x_m: ms as f64 * 1e-3, y_m: 0.0, yaw_rad: 0.0 });
         }
-        track
+        poses
     }
 
     #[test]
     fn the_pose_at_a_moment_follows_the_stated_rule() {
         let check = |times_ms: &[i64], asked_ms: i64, expected_x_m: Option<f64>| {
-            let x_m = track(times_ms).pose_at(at_ms(asked_ms)).map(|pose| pose.x_m);
+            let x_m = pose_at(&poses(times_ms), at_ms(asked_ms)).map(|pose| pose.x_m);
             match (x_m, expected_x_m) {
                 (Some(x_m), Some(expected)) => {
                     assert!((x_m - expected).abs() < 1e-9, "{times_ms:?} at {asked_ms}: {x_m}");
@@ -105,17 +77,5 @@ mod tests {
         check(&[0, 1001], 800, None);
         // Two poses of one moment.
         check(&[500, 500], 500, Some(0.5));
-    }
-
-    #[test]
-    fn the_track_never_grows_beyond_its_bound_and_keeps_the_newest() {
-        let mut track = PoseTrack::default();
-        for ms in 0..3 * MAX_POSES as i64 {
-            track.insert(at_ms(ms), Pose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 });
-            assert!(track.poses.len() <= MAX_POSES);
-        }
-        assert_eq!(track.poses.front().unwrap().0, at_ms(2 * MAX_POSES as i64));
-        assert!(track.reaches(at_ms(3 * MAX_POSES as i64 - 1)));
-        assert!(!track.reaches(at_ms(3 * MAX_POSES as i64)));
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::catalogue::{Catalogue, Role, Topic, choose};
 use crate::counts::Unit;
-use crate::lookahead::Lookahead;
+use crate::lookahead::{Lookahead, Topics};
 use crate::recording::{End, Recording, io_error};
 use crate::{FrameInfo, FrameLayout, TripError, Truncation, summary};
 
@@ -15,6 +15,8 @@ pub struct Selection {
     pub frames_topic: Option<String>,
     /// The topic with poses; `None`: the only one that fits, if any.
     pub poses_topic: Option<String>,
+    /// The topic with commands; `None`: the only one that fits, if any.
+    pub commands_topic: Option<String>,
     /// Metres that one count stands for.
     pub metres_per_count: f64,
 }
@@ -22,14 +24,14 @@ pub struct Selection {
 /// Topics by type, counts of a millimetre.
 impl Default for Selection {
     fn default() -> Self {
-        Self { frames_topic: None, poses_topic: None, metres_per_count: 0.001 }
+        Self { frames_topic: None, poses_topic: None, commands_topic: None, metres_per_count: 0.001 }
     }
 }
 
-/// A trip being read: frames in the order of the recording, each with its pose.
+/// A trip being read: frames in the order of the recording, each with its pose and its command.
 ///
-/// Holds one chunk of the recording, at most 256 frames that wait for the pose after them (and at most 32 MiB of
-/// these, but at least 4), and the last 4096 poses, however long the trip.
+/// Holds one chunk of the recording, at most 256 frames that wait for the pose and the command after them (and at most
+/// 32 MiB of these, but at least 4), the last 4096 poses and as many commands, however long the trip.
 pub struct TripReader {
     recording: Recording,
     lookahead: Lookahead,
@@ -56,12 +58,13 @@ impl TripReader {
         let topics = topics(&mut recording, selection)?;
         let frames = choose(path, &topics, Role::Frames, selection.frames_topic.as_deref())?;
         let poses = choose(path, &topics, Role::Poses, selection.poses_topic.as_deref())?;
-        let Some((frames, frame_type)) = frames.and_then(|topic| topic.frame_type().map(|of| (topic, of)))
-        else {
+        let commands = choose(path, &topics, Role::Commands, selection.commands_topic.as_deref())?;
+        let Some(frames) = frames.and_then(|topic| topic.frame_type().map(|of| (topic, of))) else {
             return Err(TripError::NoFrames { path: path.to_owned(), topics });
         };
         let poses = poses.and_then(|topic| topic.pose_type().map(|of| (topic, of)));
-        let mut lookahead = Lookahead::new(path.to_owned(), unit, frames, frame_type, poses);
+        let commands = commands.and_then(|topic| topic.command_type().map(|of| (topic, of)));
+        let mut lookahead = Lookahead::new(path.to_owned(), unit, Topics { frames, poses, commands });
         let layout = loop {
             if let Some(layout) = lookahead.layout() {
                 break layout;
@@ -81,12 +84,17 @@ impl TripReader {
 
     /// The topic that frames come from.
     pub fn frames_topic(&self) -> &str {
-        &self.lookahead.frames_topic().name
+        &self.lookahead.topics().frames.0.name
     }
 
     /// The topic that poses come from, if the trip has one.
     pub fn poses_topic(&self) -> Option<&str> {
-        self.lookahead.poses_topic().map(|topic| topic.name.as_str())
+        self.lookahead.topics().poses.as_ref().map(|(topic, _)| topic.name.as_str())
+    }
+
+    /// The topic that commands come from, if the trip has one.
+    pub fn commands_topic(&self) -> Option<&str> {
+        self.lookahead.topics().commands.as_ref().map(|(topic, _)| topic.name.as_str())
     }
 
     /// Reads the next frame; `None` at the end.

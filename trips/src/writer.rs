@@ -1,4 +1,4 @@
-//! Writes a trip: frames and poses as standard ROS 2 messages in MCAP.
+//! Writes a trip: frames, poses and commands as standard ROS 2 messages in MCAP.
 //!
 //! The file has what `ros2 bag`, Foxglove, PlotJuggler and `rosbags` look for: the profile `ros2`, the full text of each
 //! message's definition, and the metadata record of `rosbag2` (in its version 5, which every distribution since
@@ -20,7 +20,7 @@ use crate::message::{
     ArrayDimension, Float64MultiArrayMessage, Header, ImageMessage, LaserScanMessage, OdometryMessage,
     PoseStampedMessage, TwistStampedMessage, encode,
 };
-use crate::{FrameLayout, Pose, Stamp, TripWriteError};
+use crate::{Command, FrameLayout, Pose, Stamp, TripWriteError};
 
 /// How chunks are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -258,15 +258,8 @@ impl TripWriter {
     /// # Panics
     ///
     /// If the topic has had messages of another type.
-    pub fn write_command(
-        &mut self,
-        topic: &str,
-        at: Stamp,
-        forward_m_s: f64,
-        turn_rad_s: f64,
-    ) -> Result<(), TripWriteError> {
-        let twist = [forward_m_s, 0.0, 0.0, 0.0, 0.0, turn_rad_s];
-        let message = TwistStampedMessage { header: header(at, "base_link"), twist };
+    pub fn write_command(&mut self, topic: &str, at: Stamp, command: &Command) -> Result<(), TripWriteError> {
+        let message = TwistStampedMessage { header: header(at, "base_link"), twist: command.twist() };
         self.write(topic, TWIST_STAMPED, at, &encode(&message))
     }
 

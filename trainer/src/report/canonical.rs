@@ -146,7 +146,7 @@ impl Views {
                     .or_else(|| (0..frames.n_frames()).max_by(|a, b| weight(*a).total_cmp(&weight(*b))))
                     .unwrap_or(0);
                 let medoid =
-                    frames.row(medoid_frame).iter().map(|&count| unit.value(f64::from(count))).collect();
+                    frames.readings(medoid_frame).iter().map(|&count| unit.value(f64::from(count))).collect();
                 View { share: sum.weight / n_frames, mean, difference, around, medoid_frame, medoid }
             })
             .collect();
@@ -193,7 +193,7 @@ fn sums(frames: &Frames, responsibilities: &[f64], n_kinds: usize) -> Vec<Sums> 
         for (sum, &share) in sums.iter_mut().zip(shares).filter(|(_, share)| **share >= RESPONSIBILITY_MIN) {
             sum.weight += share;
             for ((counts, squares), &count) in
-                sum.counts.iter_mut().zip(&mut sum.squares).zip(frames.row(frame))
+                sum.counts.iter_mut().zip(&mut sum.squares).zip(frames.readings(frame))
             {
                 let count = f64::from(count);
                 *counts += share * count;
@@ -207,7 +207,12 @@ fn sums(frames: &Frames, responsibilities: &[f64], n_kinds: usize) -> Vec<Sums> 
 /// The frame nearest to a place on the response's scale, the first of equals.
 fn nearest(candidates: impl Iterator<Item = usize>, frames: &Frames, place: &[f64]) -> Option<usize> {
     let squared_distance = |frame: usize| -> f64 {
-        frames.row(frame).iter().zip(place).map(|(&count, place)| (f64::from(count) - place).powi(2)).sum()
+        frames
+            .readings(frame)
+            .iter()
+            .zip(place)
+            .map(|(&count, place)| (f64::from(count) - place).powi(2))
+            .sum()
     };
     let distances = candidates.map(|frame| (squared_distance(frame), frame));
     distances.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, frame)| frame)

@@ -158,7 +158,7 @@ fn facts(model: &Model) -> Vec<(&'static str, String)> {
         true => "frames of unknown trips".to_string(),
         false => origin.trips.join(", "),
     };
-    vec![
+    let mut facts = vec![
         ("model", model.id().to_string()),
         ("learnt from", trips),
         ("frames", model.manifest().n_frames.to_string()),
@@ -168,7 +168,9 @@ fn facts(model: &Model) -> Vec<(&'static str, String)> {
         ("method", format!("{}: {how}", method_name(model))),
         ("kinds", format!("{}, {}", model.mixture().n_kinds(), shape_in_words(em.covariance))),
         ("made by", format!("{made_by}, seed {seed}")),
-    ]
+    ];
+    facts.extend(model.commands().map(|scale| ("commands", scale.to_string())));
+    facts
 }
 
 fn shape_in_words(covariance: Covariance) -> &'static str {

@@ -5,13 +5,15 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use kinds_trips::{FrameInfo, FrameLayout, Selection, TripError, TripReader, Truncation};
+use kinds_trips::{Command, FrameInfo, FrameLayout, Selection, TripError, TripReader, Truncation};
 use mcap::records::MessageHeader;
 
 pub(crate) const LASER_SCAN: &str = "sensor_msgs/msg/LaserScan";
 pub(crate) const IMAGE: &str = "sensor_msgs/msg/Image";
 pub(crate) const ODOMETRY: &str = "nav_msgs/msg/Odometry";
 pub(crate) const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
+pub(crate) const TWIST: &str = "geometry_msgs/msg/Twist";
+pub(crate) const TWIST_STAMPED: &str = "geometry_msgs/msg/TwistStamped";
 
 /// A folder for one test, removed with the value.
 pub(crate) struct Folder(tempfile::TempDir);
@@ -192,6 +194,22 @@ pub(crate) fn pose_stamped(stamp: (u32, u32), x_m: f64) -> Vec<u8> {
     Cdr::new(false).header(stamp).f64s(&[x_m, 0.0, 0.0]).f64s(&[0.0, 0.0, 0.0, 1.0]).done()
 }
 
+/// A twist of six different velocities, without a stamp.
+pub(crate) fn twist_in(big_endian: bool, forward_m_s: f64, turn_rad_s: f64) -> Vec<u8> {
+    Cdr::new(big_endian).f64s(&[forward_m_s, 10.0, 20.0, 30.0, 40.0, turn_rad_s]).done()
+}
+
+/// The same with one.
+pub(crate) fn twist_stamped_in(
+    big_endian: bool,
+    stamp: (u32, u32),
+    forward_m_s: f64,
+    turn_rad_s: f64,
+) -> Vec<u8> {
+    let message = Cdr::new(big_endian).header(stamp);
+    message.f64s(&[forward_m_s, 10.0, 20.0, 30.0, 40.0, turn_rad_s]).done()
+}
+
 /// Everything a trip gave.
 #[derive(Debug)]
 pub(crate) struct Read {
@@ -209,6 +227,12 @@ impl Read {
     /// The x of each frame's pose.
     pub(crate) fn x_m(&self) -> Vec<Option<f64>> {
         self.frames.iter().map(|(info, _)| info.pose.map(|pose| pose.x_m)).collect()
+    }
+
+    /// Each frame's command: forward and turn.
+    pub(crate) fn commands(&self) -> Vec<Option<(f64, f64)>> {
+        let of = |command: Command| (command.forward_m_s, command.turn_rad_s);
+        self.frames.iter().map(|(info, _)| info.command.map(of)).collect()
     }
 }
 

@@ -3,7 +3,8 @@
 use kinds_trips::{Selection, TripReader};
 
 use crate::bag::{
-    Bag, Folder, IMAGE, LASER_SCAN, ODOMETRY, POSE_STAMPED, odometry, pose_stamped, read_with, refusal, scan,
+    Bag, Folder, IMAGE, LASER_SCAN, ODOMETRY, POSE_STAMPED, TWIST, TWIST_STAMPED, odometry, pose_stamped,
+    read_with, refusal, scan, twist_in, twist_stamped_in,
 };
 
 fn frames_from(name: &str) -> Selection {
@@ -14,7 +15,11 @@ fn poses_from(name: &str) -> Selection {
     Selection { poses_topic: Some(name.to_owned()), ..Selection::default() }
 }
 
-/// A bag with these topics and as many messages on each, a scan or a pose.
+fn commands_from(name: &str) -> Selection {
+    Selection { commands_topic: Some(name.to_owned()), ..Selection::default() }
+}
+
+/// A bag with these topics and as many messages on each, a scan, a pose or a command.
 fn bag_with(path: &std::path::Path, indexed: bool, topics: &[(&str, &str, &str, u32)]) {
     let options = mcap::WriteOptions::new().emit_summary_records(indexed).emit_message_indexes(indexed);
     let mut bag = Bag::with_options(path, options);
@@ -25,6 +30,8 @@ fn bag_with(path: &std::path::Path, indexed: bool, topics: &[(&str, &str, &str, 
             let data = match type_name {
                 ODOMETRY => odometry(stamp, x_m),
                 POSE_STAMPED => pose_stamped(stamp, x_m),
+                TWIST => twist_in(false, x_m, 0.0),
+                TWIST_STAMPED => twist_stamped_in(false, stamp, x_m, 0.0),
                 _ => scan(stamp, &[1.0]),
             };
             bag.message(id, u64::from(index), &data);
@@ -40,7 +47,10 @@ fn check(topics: &[(&str, &str, &str, u32)], selection: &Selection, expected: &s
         let path = folder.join("trip.mcap");
         bag_with(&path, indexed, topics);
         let outcome = match TripReader::open(&path, selection) {
-            Ok(trip) => format!("{} {}", trip.frames_topic(), trip.poses_topic().unwrap_or("-")),
+            Ok(trip) => {
+                let commands = trip.commands_topic().map_or(String::new(), |name| format!(" {name}"));
+                format!("{} {}{commands}", trip.frames_topic(), trip.poses_topic().unwrap_or("-"))
+            }
             Err(error) => error.to_string(),
         };
         assert_eq!(outcome, expected.replace("TRIP", &path.display().to_string()), "indexed: {indexed}");
@@ -118,6 +128,40 @@ fn topics_are_chosen_by_type_or_by_name_and_else_the_sentence_says_how() {
         &[],
         &frames_from("/scan"),
         "TRIP has no topic /scan, asked for with --frames-topic; it has no topics",
+    );
+}
+
+#[test]
+fn commands_are_chosen_as_poses_are() {
+    let scan = ("/scan", LASER_SCAN, "cdr", 3);
+    let odom = ("/odom", ODOMETRY, "cdr", 2);
+    let told = ("/cmd_vel", TWIST, "cdr", 2);
+    let stamped = ("/cmd_vel_stamped", TWIST_STAMPED, "cdr", 1);
+    let any = Selection::default();
+
+    check(&[scan, odom, told], &any, "/scan /odom /cmd_vel");
+    check(&[scan, stamped], &any, "/scan - /cmd_vel_stamped");
+    check(&[scan, told, stamped], &commands_from("/cmd_vel"), "/scan - /cmd_vel");
+    check(&[scan, told, ("/idle", TWIST_STAMPED, "cdr", 0)], &any, "/scan - /cmd_vel");
+    check(&[scan, ("/json", TWIST, "json", 1)], &any, "/scan -");
+
+    check(
+        &[scan, told, stamped],
+        &any,
+        "TRIP has 2 topics with commands: /cmd_vel (geometry_msgs/msg/Twist, 2 messages), /cmd_vel_stamped \
+         (geometry_msgs/msg/TwistStamped, 1 message); choose one with --commands-topic NAME",
+    );
+    check(
+        &[scan],
+        &commands_from("/cmd_vel"),
+        "TRIP has no topic /cmd_vel, asked for with --commands-topic; it has /scan (sensor_msgs/msg/LaserScan, 3 \
+         messages)",
+    );
+    check(
+        &[scan, odom],
+        &commands_from("/odom"),
+        "/odom (nav_msgs/msg/Odometry, 2 messages) in TRIP cannot give commands, asked for with --commands-topic: that \
+         takes messages of type geometry_msgs/msg/Twist or geometry_msgs/msg/TwistStamped in CDR",
     );
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use kinds_trips::{Compression, Pose, Scan, Selection, Stamp, TripError, TripWriter, WriterOptions};
+use kinds_trips::{Command, Compression, Pose, Scan, Selection, Stamp, TripError, TripWriter, WriterOptions};
 
 use crate::bag::{Bag, Folder, LASER_SCAN, Read, read, read_whole, refusal, scan};
 
@@ -25,6 +25,7 @@ fn write_small(path: &Path, compression: Compression, chunk_bytes: Option<u64>, 
         writer.write_scan("/scan", at, &scan).unwrap();
         if index == 2 {
             writer.write_odometry("/odom", at, &Pose { x_m: 1.0, y_m: 2.0, yaw_rad: 3.0 }).unwrap();
+            writer.write_command("/cmd_vel", at, &Command { forward_m_s: 1.0, turn_rad_s: 2.0 }).unwrap();
         }
     }
     writer.finish().unwrap();
@@ -66,7 +67,7 @@ fn layouts(folder: &Folder) -> Vec<Vec<u8>> {
     layouts
 }
 
-/// Frames' times and counts; poses depend on what comes later.
+/// Frames' times and counts; poses and commands depend on what comes later.
 fn content(read: &Read) -> Vec<(Stamp, &[u16])> {
     read.frames.iter().map(|(info, counts)| (info.captured, counts.as_slice())).collect()
 }

@@ -3,8 +3,8 @@
 use kinds_trips::Selection;
 
 use crate::bag::{
-    Bag, Cdr, Folder, IMAGE, LASER_SCAN, ODOMETRY, RawImage, image_in, odometry, odometry_in, read,
-    read_whole, refusal, scan, scan_in,
+    Bag, Cdr, Folder, IMAGE, LASER_SCAN, ODOMETRY, RawImage, TWIST, TWIST_STAMPED, image_in, odometry,
+    odometry_in, read, read_whole, refusal, scan, scan_in, twist_in, twist_stamped_in,
 };
 
 #[test]
@@ -55,14 +55,16 @@ fn fault(type_name: &str, messages: &[Vec<u8>]) -> String {
     for (log_time, message) in (0..).zip(messages) {
         bag.message(id, log_time, message);
     }
-    if type_name == ODOMETRY {
+    // Frames come after what only goes with them.
+    let is_beside_frames = ![LASER_SCAN, IMAGE].contains(&type_name);
+    if is_beside_frames {
         let frames = bag.topic("/scan", LASER_SCAN);
         bag.message(frames, 0, &scan((1000, 0), &[1.0]));
     }
     bag.finish();
     let error = match read(&path) {
         Ok(trip) => {
-            let n_read = if type_name == ODOMETRY { 0 } else { messages.len() - 1 };
+            let n_read = if is_beside_frames { 0 } else { messages.len() - 1 };
             assert_eq!(trip.frames.len(), n_read, "the frames before the fault are read");
             trip.failure.expect("the last message is faulty")
         }
@@ -100,6 +102,16 @@ fn messages_that_cannot_be_used_are_named_with_what_is_wrong() {
         ODOMETRY,
         &[vec![0, 1, 0, 0, 0]],
         "message 1 on /topic in TRIP: its 5 bytes end before its last field does",
+    );
+    check(
+        TWIST,
+        &[twist_in(false, 0.0, 0.0), twist_in(false, 0.0, 0.0)[..51].to_vec()],
+        "message 2 on /topic in TRIP: its 51 bytes end before its last field does",
+    );
+    check(
+        TWIST_STAMPED,
+        &[twist_in(false, 0.0, 0.0)],
+        "message 1 on /topic in TRIP: its 52 bytes end before its last field does",
     );
     // Four thousand million ranges are claimed, and none is there.
     let claim = Cdr::new(false).header((1000, 0)).f32s(&[0.0; 7]).u32(u32::MAX).done();
@@ -164,6 +176,20 @@ fn both_byte_orders_of_cdr_are_read() {
         let pose = trip.frames[0].0.pose.unwrap();
         assert_eq!((pose.x_m, pose.y_m), (1.5, -2.5));
         assert!((pose.yaw_rad - std::f64::consts::FRAC_PI_2).abs() < 1e-14);
+    }
+    for big_endian in [false, true] {
+        for (type_name, told) in [
+            (TWIST, twist_in(big_endian, 0.25, -1.5)),
+            (TWIST_STAMPED, twist_stamped_in(big_endian, (1000, 5), 0.25, -1.5)),
+        ] {
+            let path = folder.join("commands.mcap");
+            let mut bag = Bag::create(&path);
+            let (frames, commands) = (bag.topic("/scan", LASER_SCAN), bag.topic("/cmd_vel", type_name));
+            bag.message(commands, 1, &told);
+            bag.message(frames, 2, &scan((1000, 5), &[1.0]));
+            bag.finish();
+            assert_eq!(read_whole(&path).commands(), [Some((0.25, -1.5))]);
+        }
     }
     for big_endian in [false, true] {
         let path = folder.join("image.mcap");

@@ -2,6 +2,7 @@
 
 mod bag;
 mod choosing;
+mod commands;
 mod damage;
 mod faults;
 mod made_elsewhere;

@@ -4,7 +4,8 @@ use std::path::Path;
 use std::process::Command;
 
 use kinds_trips::{
-    Compression, FrameLayout, Image, ImageEncoding, Pose, Scan, Stamp, TripWriter, WriterOptions,
+    Command as Told, Compression, FrameLayout, Image, ImageEncoding, Pose, Scan, Stamp, TripWriter,
+    WriterOptions,
 };
 
 use crate::bag::Folder;
@@ -26,6 +27,8 @@ with AnyReader([Path(sys.argv[1])]) as reader:
             values = [f"{v:.4g}" for v in (m.range_min, m.range_max, *m.ranges)]
         elif what == "Image":
             values = [m.encoding, m.height, m.width, m.step, m.is_bigendian, bytes(m.data).hex()]
+        elif what == "TwistStamped":
+            values = [f"{v:.4f}" for v in (m.twist.linear.x, m.twist.angular.z)]
         else:
             pose = m.pose if what == "PoseStamped" else m.pose.pose
             p, q = pose.position, pose.orientation
@@ -34,11 +37,12 @@ with AnyReader([Path(sys.argv[1])]) as reader:
 "#;
 
 const EXPECTED: &str = "\
-4 1000000000 500000001
+5 1000000000 500000001
 /scan 0 1000000000 0.05 4 nan 1.5 inf
 /it's depth 0 1250000000 16UC1 1 2 5 1 0102030400
 /odom 0 1500000000 1.0000 -2.0000 0.7071 0.7071
 /ground_truth 0 1500000000 1.0000 -2.0000 0.7071 0.7071
+/cmd_vel 0 1500000000 0.2500 -1.5000
 ";
 
 fn write_trip(path: &Path, options: &WriterOptions) {
@@ -63,6 +67,8 @@ fn write_trip(path: &Path, options: &WriterOptions) {
     let pose = Pose { x_m: 1.0, y_m: -2.0, yaw_rad: std::f64::consts::FRAC_PI_2 };
     writer.write_odometry("/odom", Stamp(1_500_000_000), &pose).unwrap();
     writer.write_pose("/ground_truth", Stamp(1_500_000_000), &pose).unwrap();
+    let told = Told { forward_m_s: 0.25, turn_rad_s: -1.5 };
+    writer.write_command("/cmd_vel", Stamp(1_500_000_000), &told).unwrap();
     writer.finish().unwrap();
 }
 

@@ -1,8 +1,8 @@
 //! What the writer writes, the reader reads: every message type, layout of the file, and unit.
 
 use kinds_trips::{
-    Compression, FrameLayout, Image, ImageEncoding, Pose, Scan, Selection, Stamp, TripWriteError, TripWriter,
-    WriterOptions,
+    Command, Compression, FrameLayout, Image, ImageEncoding, Pose, Scan, Selection, Stamp, TripWriteError,
+    TripWriter, WriterOptions,
 };
 use proptest::prelude::*;
 
@@ -66,7 +66,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn scans_with_poses_come_back(
+    fn scans_with_poses_and_commands_come_back(
         options in options(),
         n_readings in 1usize..20,
         seed in prop::collection::vec(prop_oneof![Just(0u16), 1u16..4000, 4000u16..=u16::MAX], 1..400),
@@ -77,11 +77,13 @@ proptest! {
             seed.chunks(n_readings).filter(|frame| frame.len() == n_readings).map(<[u16]>::to_vec).collect();
         prop_assume!(!frames.is_empty());
         let pose = |index: usize| Pose { x_m: index as f64, y_m: -0.5, yaw_rad: 3.0 };
+        let command = |index: usize| Command { forward_m_s: 0.1 * index as f64, turn_rad_s: -0.3 };
 
         let mut writer = TripWriter::create(&path, &options).unwrap();
         for (index, counts) in frames.iter().enumerate() {
             writer.write_scan("/scan", at_ms(100 * index as i64), &scan_of(counts)).unwrap();
             writer.write_odometry("/odom", at_ms(100 * index as i64), &pose(index)).unwrap();
+            writer.write_command("/cmd_vel", at_ms(100 * index as i64), &command(index)).unwrap();
         }
         writer.finish().unwrap();
 
@@ -96,6 +98,7 @@ proptest! {
             let (found, expected) = (info.pose.unwrap(), pose(index));
             prop_assert_eq!((found.x_m, found.y_m), (expected.x_m, expected.y_m));
             prop_assert!((found.yaw_rad - expected.yaw_rad).abs() < 1e-14);
+            prop_assert_eq!(info.command, Some(command(index)));
         }
     }
 
@@ -132,7 +135,7 @@ proptest! {
         let kept = |&count: &u16| if fits(count) { count } else { 0 };
         let expected: Vec<Vec<u16>> = frames.iter().map(|frame| frame.iter().map(kept).collect()).collect();
         prop_assert_eq!(trip.counts(), expected);
-        prop_assert!(trip.frames.iter().all(|(info, _)| info.pose.is_none()));
+        prop_assert!(trip.frames.iter().all(|(info, _)| info.pose.is_none() && info.command.is_none()));
     }
 }
 
