@@ -64,7 +64,7 @@ pub(crate) enum Verb {
     /// Show the whole way once: drive or take two trips, train on one, serve and publish the other, watch, evaluate, report
     Demo(DemoArguments),
     /// Learn the kinds of recorded trips
-    Train(TrainArguments),
+    Train(Box<TrainArguments>),
     /// Measure whether a place seen again gets the same kind
     Evaluate(EvaluateArguments),
     /// Say what is in a model
@@ -122,6 +122,9 @@ pub(crate) struct TrainArguments {
     /// with N rings. Weights are given in the configuration file [default: euclidean]
     #[arg(long, value_name = "euclidean|ring|rings:N")]
     metric: Option<MetricChoice>,
+    /// Most frames that the model keeps: of longer trips as many that cover them; kinds are learnt from all [default: 4000]
+    #[arg(long, value_name = "N")]
+    frames: Option<usize>,
     /// How distances between frames become coordinates; both: M.kinds is Isomap's, M.pca.kinds and M.pca-matched.kinds
     /// are PCA's, of its own and of Isomap's size [default: isomap]
     #[arg(long, value_enum)]
@@ -129,6 +132,9 @@ pub(crate) struct TrainArguments {
     /// Neighbours of each frame in the graph [default: chosen by evidence up to 30; `kinds inspect` shows it]
     #[arg(long, value_name = "N")]
     neighbors: Option<usize>,
+    /// Make frames that follow each other in a trip neighbours, however unlike they are
+    #[arg(long)]
+    consecutive_edges: bool,
     /// Landmarks that geodesics are measured from: all, a count, or a share of the frames such as 25% [default: 1000, or all
     /// frames if there are fewer]
     #[arg(long, value_name = "all|N|SHARE%")]
@@ -369,6 +375,7 @@ impl TrainArguments {
             invalid_range_m: self.invalid_range_m,
             offset_m: self.offset_m,
             metric: self.metric.clone(),
+            frames: self.frames,
             method: self.method.map(|name| match name {
                 MethodName::Isomap => MethodChoice::Isomap,
                 MethodName::Pca => MethodChoice::Pca,
@@ -376,6 +383,7 @@ impl TrainArguments {
                 MethodName::Both => MethodChoice::Both,
             }),
             neighbors: self.neighbors,
+            consecutive_edges: self.consecutive_edges.then_some(true),
             landmarks: self.landmarks,
             landmark_choice: self.landmark_choice.map(|name| match name {
                 LandmarkChoiceName::Random => LandmarkChoice::Random,

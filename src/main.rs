@@ -46,7 +46,7 @@ fn main() -> ExitCode {
 fn run(cli: Cli) -> Result<(), Failure> {
     match cli.verb {
         Verb::Demo(arguments) => commands::demo::run(&arguments),
-        Verb::Train(arguments) => commands::train::run(arguments),
+        Verb::Train(arguments) => commands::train::run(*arguments),
         Verb::Evaluate(arguments) => commands::evaluate::run(&arguments),
         Verb::Inspect(arguments) => commands::inspect::run(&arguments),
         Verb::Publish(arguments) => commands::publish::run(&arguments),

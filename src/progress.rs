@@ -27,6 +27,7 @@ impl StepBar {
             Stage::Reading(path) => {
                 format!("reading {}", path.file_name().unwrap_or(path.as_os_str()).to_string_lossy())
             }
+            Stage::Fitting(Step::References) => "reference frames".to_string(),
             Stage::Fitting(Step::Neighbors) => "nearest neighbours".to_string(),
             Stage::Fitting(Step::Neighborhood) => "number of neighbours".to_string(),
             Stage::Fitting(Step::Geodesics) => "geodesics".to_string(),

@@ -3,11 +3,9 @@
 use std::sync::Arc;
 
 use crate::command::{Command, with_metric};
-use crate::metric::Metric;
 use crate::mixture::most_probable;
 use crate::model::Model;
-use crate::neighbors::{Neighbor, nearest, squared_distances};
-use crate::plan::Method;
+use crate::out_of_sample::Placer;
 
 /// Whether a frame could be classified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,31 +39,18 @@ pub struct Classification {
 /// Classifies frames with one model. Holds all memory that it needs: classifying allocates nothing.
 pub struct Classifier {
     model: Arc<Model>,
-    frame: MeasuredFrame,
-    classification: Classification,
-}
-
-/// How far one frame is from what the model keeps.
-struct MeasuredFrame {
     /// The frame on the response's scale and its command, shape `(n_columns,)`.
     mapped: Vec<u16>,
-    /// Its nearest reference frames: with geodesics, shape `(n_neighbors,)`; in native space, the nearest one.
-    nearest: Vec<Neighbor>,
-    /// To all reference frames, shape `(n_frames,)`, counts². Empty where straight distances are not embedded.
-    squared_distances: Vec<u64>,
-    /// To the nearest reference frame, counts².
-    squared_to_nearest: u64,
-    /// Shortest lengths to the landmarks, shape `(n_landmarks,)`, counts.
-    lengths: Vec<f32>,
-    /// δ, shape `(n_landmarks,)`, counts².
-    squared_geodesics: Vec<f64>,
+    placer: Placer,
+    classification: Classification,
 }
 
 impl Classifier {
     /// Prepares to classify with a model.
     pub fn new(model: Arc<Model>) -> Self {
         Self {
-            frame: MeasuredFrame::new(&model),
+            mapped: vec![0; model.frames().n_columns()],
+            placer: Placer::new(model.manifold(), model.manifest().n_neighbors),
             classification: Classification {
                 status: Status::Invalid,
                 kind: 0,
@@ -102,7 +87,7 @@ impl Classifier {
     /// # Panics
     /// If the number of readings is not the model's: whoever receives frames compares layouts before.
     pub fn classify_commanded(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {
-        let (readings, columns) = self.frame.mapped.split_at_mut(self.model.frames().n_readings());
+        let (readings, columns) = self.mapped.split_at_mut(self.model.frames().n_readings());
         let n_invalid = self.model.response().map(counts, readings);
         if let Some(scale) = self.model.commands() {
             columns.copy_from_slice(&scale.counts(&command.unwrap_or_default()));
@@ -111,8 +96,6 @@ impl Classifier {
         if n_invalid == counts.len() {
             self.know_nothing();
         } else {
-            let Self { model, frame, .. } = self;
-            with_metric!(model.metric(), model.commands(), |metric| frame.measure(model, metric));
             self.locate();
         }
         self.classification.kind = most_probable(&self.classification.probabilities);
@@ -128,72 +111,17 @@ impl Classifier {
         classification.novelty = 1.0;
     }
 
-    /// From δ to coordinates, probabilities and novelty.
+    /// Finds coordinates, probabilities and novelty.
     fn locate(&mut self) {
-        let classification = &mut self.classification;
+        let Self { model, mapped, placer, classification } = self;
         classification.status = Status::Classified;
-        match self.model.embedding() {
-            Some(embedding) => {
-                embedding.embed(&self.frame.squared_geodesics, &mut classification.coordinates);
-            }
-            None => classification
-                .coordinates
-                .iter_mut()
-                .zip(&self.frame.mapped)
-                .for_each(|(coordinate, &count)| *coordinate = f64::from(count)),
-        }
+        let squared_to_nearest = with_metric!(model.metric(), model.commands(), |metric| {
+            placer.place(metric, model.manifold(), mapped, &mut classification.coordinates)
+        });
         classification.log_likelihood =
-            self.model.mixture().posterior(&classification.coordinates, &mut classification.probabilities);
-        let radii = self.model.squared_radii();
-        let n_within = radii.partition_point(|radius| *radius < self.frame.squared_to_nearest);
+            model.mixture().posterior(&classification.coordinates, &mut classification.probabilities);
+        let radii = model.squared_radii();
+        let n_within = radii.partition_point(|radius| *radius < squared_to_nearest);
         classification.novelty = n_within as f64 / radii.len() as f64;
-    }
-}
-
-impl MeasuredFrame {
-    fn new(model: &Model) -> Self {
-        let none = Neighbor { squared_distance: 0, frame_index: 0 };
-        let n_landmarks = model.landmarks().len();
-        let (n_nearest, n_distances) = match model.manifest().plan.method {
-            Method::Isomap => (model.manifest().n_neighbors, 0),
-            Method::Pca => (0, model.frames().n_frames()),
-            Method::Native => (1, 0),
-        };
-        Self {
-            mapped: vec![0; model.frames().n_columns()],
-            nearest: vec![none; n_nearest],
-            squared_distances: vec![0; n_distances],
-            squared_to_nearest: 0,
-            lengths: vec![0.0; n_landmarks],
-            squared_geodesics: vec![0.0; n_landmarks],
-        }
-    }
-
-    /// Fills δ (squared shortest lengths to the landmarks, or squared distances; nothing in native space) and finds how far the
-    /// nearest reference frame is.
-    fn measure(&mut self, model: &Model, metric: &impl Metric) {
-        let frames = model.frames();
-        match (model.geodesics(), model.embedding()) {
-            (Some(geodesics), _) => {
-                nearest(frames, metric, &self.mapped, &mut self.nearest);
-                let nearest = self.nearest.iter().map(|near| (near.frame_index, near.distance()));
-                geodesics.through(nearest, &mut self.lengths);
-                for (squared, &length) in self.squared_geodesics.iter_mut().zip(&self.lengths) {
-                    *squared = f64::from(length) * f64::from(length);
-                }
-                self.squared_to_nearest = self.nearest[0].squared_distance;
-            }
-            (None, Some(_)) => {
-                squared_distances(frames, metric, &self.mapped, &mut self.squared_distances);
-                for (squared, &landmark) in self.squared_geodesics.iter_mut().zip(model.landmarks()) {
-                    *squared = self.squared_distances[landmark as usize] as f64;
-                }
-                self.squared_to_nearest = self.squared_distances.iter().copied().min().unwrap_or(u64::MAX);
-            }
-            (None, None) => {
-                nearest(frames, metric, &self.mapped, &mut self.nearest);
-                self.squared_to_nearest = self.nearest[0].squared_distance;
-            }
-        }
     }
 }

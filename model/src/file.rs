@@ -22,6 +22,7 @@ use crate::metric::MetricError;
 use crate::mixture::{Mixture, MixtureError};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX};
 use crate::plan::Method;
+use crate::reference::ReferenceSet;
 use crate::response::{Response, TABLE_LEN};
 
 /// Version of the format that this crate writes and reads.
@@ -194,12 +195,15 @@ fn arrays(model: &Model) -> Vec<NamedArray<'_>> {
     ) -> NamedArray<'a> {
         NamedArray { name, dtype, shape: shape.to_vec(), bytes: bytemuck::cast_slice(numbers) }
     }
-    let Manifest { plan, n_frames, n_dims, n_kinds, .. } = &model.manifest;
-    let (n_frames, n_dims, n_kinds, n_landmarks) = (*n_frames, *n_dims, *n_kinds, plan.n_landmarks);
+    let Manifest { plan, n_trained, n_frames, n_dims, n_kinds, .. } = &model.manifest;
+    let (n_trained, n_frames) = (*n_trained, *n_frames);
+    let (n_dims, n_kinds, n_landmarks) = (*n_dims, *n_kinds, plan.n_landmarks);
     let mut arrays = vec![
         array("frames", Dtype::U16, &[n_frames, model.frames.n_columns()], model.frames.counts()),
+        array("references", Dtype::U32, &[n_frames], model.references.indices()),
+        array("nearest", Dtype::U32, &[n_trained], model.references.nearest()),
         array("response", Dtype::U16, &[TABLE_LEN], model.response.table()),
-        array("coordinates", Dtype::F64, &[n_frames, n_dims], &model.coordinates),
+        array("coordinates", Dtype::F64, &[n_trained, n_dims], &model.coordinates),
         array("weights", Dtype::F64, &[n_kinds], model.mixture.weights()),
         array("means", Dtype::F64, &[n_kinds, n_dims], model.mixture.means()),
         array("covariances", Dtype::F64, &[n_kinds, n_dims, n_dims], model.mixture.covariances()),
@@ -244,7 +248,7 @@ impl File<'_> {
     }
 
     fn assemble(&self, manifest: Manifest, text: &str) -> Result<Model, ModelFileError> {
-        let Manifest { ref plan, n_frames, n_neighbors, n_dims, n_kinds, .. } = manifest;
+        let Manifest { ref plan, n_trained, n_frames, n_neighbors, n_dims, n_kinds, .. } = manifest;
         let n_landmarks = plan.n_landmarks;
         let n_readings = plan.sensor.n_readings();
         let n_more = if manifest.commands.is_some() { N_COMMAND_COLUMNS } else { 0 };
@@ -271,6 +275,10 @@ impl File<'_> {
             }
         };
         let response = Response::from_table(self.array("response", Dtype::U16, &[TABLE_LEN])?);
+        let references = ReferenceSet::from_parts(
+            self.array("references", Dtype::U32, &[n_frames])?,
+            self.array("nearest", Dtype::U32, &[n_trained])?,
+        );
         let mut model = Model {
             id: ModelId([0; 16]),
             metric: plan.metric.compile(plan.sensor)?,
@@ -280,10 +288,11 @@ impl File<'_> {
                 n_more,
                 self.array::<u16>("frames", Dtype::U16, &[n_frames, n_readings + n_more])?,
             ),
+            references,
             landmarks,
             geodesics: geodesics.map(|lengths: Array<f32>| Geodesics::new(n_landmarks, lengths)),
             embedding,
-            coordinates: self.array("coordinates", Dtype::F64, &[n_frames, n_dims])?,
+            coordinates: self.array("coordinates", Dtype::F64, &[n_trained, n_dims])?,
             mixture: Mixture::new(
                 n_dims,
                 self.array("weights", Dtype::F64, &[n_kinds])?.to_vec(),
@@ -311,7 +320,8 @@ impl File<'_> {
 
 /// What the digest cannot vouch for in a file that somebody else's program wrote.
 fn check_contents(model: &Model) -> Result<(), ModelFileError> {
-    let Manifest { plan, commands, n_frames, n_neighbors, n_dims, n_kinds, provenance, .. } = &model.manifest;
+    let Manifest { plan, commands, n_trained, n_frames, n_neighbors, n_dims, n_kinds, provenance, .. } =
+        &model.manifest;
     let trips = &provenance.origin.n_frames;
     let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
     let units_m = plan.sensor.metres_per_count;
@@ -323,11 +333,12 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
         (n_neighbors < n_frames, "neighbours are more than its reference frames"),
         (
             trips.is_empty()
-                || trips.iter().try_fold(0, |sum: usize, n| sum.checked_add(*n)) == Some(*n_frames),
-            "trips have more or fewer frames than it has",
+                || trips.iter().try_fold(0, |sum: usize, n| sum.checked_add(*n)) == Some(*n_trained),
+            "trips have more or fewer frames than it was learnt from",
         ),
         (commands.is_none_or(|scale| scale.is_sound()), "commands have a range or weight that cannot be"),
         (units_m.is_finite() && units_m > 0.0, "sensor has no unit"),
+        (model.references.fits(), "reference frames are not among those it was learnt from"),
         (
             model.landmarks.iter().all(|&landmark| (landmark as usize) < *n_frames),
             "landmarks are not reference frames",
@@ -375,8 +386,10 @@ mod tests {
             sensor: SensorLayout { rows: 1, columns: 3, metres_per_count: 0.001 },
             response: ResponsePlan::new(Scale::Range, 4.0),
             metric: MetricPlan::Euclidean,
+            n_frames_max: usize::MAX,
             method: Method::Pca,
             n_neighbors: Some(4),
+            consecutive_edges: false,
             n_landmarks: 30,
             landmark_choice: LandmarkChoice::Random,
             n_dims: Some(2),
@@ -398,11 +411,11 @@ mod tests {
         };
         assert_eq!(
             refuse(|manifest| manifest.provenance.origin.n_frames = vec![12, 17]),
-            "the model's trips have more or fewer frames than it has; train anew"
+            "the model's trips have more or fewer frames than it was learnt from; train anew"
         );
         assert_eq!(
             refuse(|manifest| manifest.provenance.origin.n_frames = vec![usize::MAX, 31]),
-            "the model's trips have more or fewer frames than it has; train anew"
+            "the model's trips have more or fewer frames than it was learnt from; train anew"
         );
         assert_eq!(
             refuse(|manifest| manifest.n_neighbors = 30),
@@ -425,6 +438,14 @@ mod tests {
         assert_eq!(
             refuse(|manifest| manifest.n_neighbors = 0),
             "the model's manifest announces none of something that it needs; train anew"
+        );
+        let mut other = model();
+        let (mut indices, nearest): (Vec<u32>, Vec<u32>) = ((0..30).collect(), (0..30).collect());
+        indices.swap(3, 4);
+        other.references = ReferenceSet::from_parts(indices.into(), nearest.into());
+        assert_eq!(
+            from_bytes(&Bytes::from(to_bytes(&other))).unwrap_err().to_string(),
+            "the model's reference frames are not among those it was learnt from; train anew"
         );
     }
 

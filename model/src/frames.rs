@@ -98,6 +98,15 @@ impl Frames {
         &self.row(frame_index)[..self.n_readings]
     }
 
+    /// Copies some of the frames.
+    ///
+    /// * `indices` — of the frames to copy, in the order in which they are to stand
+    pub(crate) fn select(&self, indices: &[u32]) -> Self {
+        let mut counts = Vec::with_capacity(indices.len() * self.n_columns);
+        indices.iter().for_each(|&index| counts.extend_from_slice(self.row(index as usize)));
+        Self::with_more_columns(self.n_readings, self.n_columns - self.n_readings, counts)
+    }
+
     /// All counts, row after row.
     pub fn counts(&self) -> &[u16] {
         &self.counts

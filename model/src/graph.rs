@@ -1,4 +1,5 @@
-//! The neighbour graph: who is whose neighbour in either direction, in one piece.
+//! The neighbour graph: who is whose neighbour in either direction, and if asked for, who follows whom in a trip; in one
+//! piece.
 //!
 //! *Island*: a connected part of the graph. *Bridge*: an edge added so that two islands become one. Bridges are the
 //! minimum spanning set: C islands get the C − 1 edges that join them at least total length, and the caller is told of
@@ -50,11 +51,13 @@ impl Graph {
     /// The union of the neighbour lists: an edge wherever one frame is among the other's `n_neighbors` nearest.
     ///
     /// The union, not the directed lists: only then is the shortest path from a to b that from b to a.
-    pub fn union(lists: &NeighborLists, n_neighbors: usize) -> Self {
+    ///
+    /// * `besides` — edges that it has whatever the lists say, such as those between frames that follow each other
+    pub fn union(lists: &NeighborLists, n_neighbors: usize, besides: &[Edge]) -> Self {
         let edges = lists.nearest(n_neighbors).enumerate().flat_map(|(row, list)| {
             list.iter().map(move |near| Edge { a: row as u32, b: near.frame_index, length: near.distance() })
         });
-        Self::new(lists.n_frames(), edges)
+        Self::new(lists.n_frames(), edges.chain(besides.iter().copied()))
     }
 
     /// N.
@@ -193,7 +196,7 @@ mod tests {
             let frames = Frames::new(1, counts);
             let n = frames.n_frames();
             let squared = |a: u32, b: u32| Euclidean.squared_distance(frames.row(a as usize), frames.row(b as usize));
-            let mut graph = Graph::union(&nearest_of_each(&frames, &Euclidean, 2, &mut |_| ()), 2);
+            let mut graph = Graph::union(&nearest_of_each(&frames, &Euclidean, 2, &mut |_| ()), 2, &[]);
             // Second method: Prim over all frames, where edges that the graph has already cost nothing.
             let cost = |a: u32, b: u32| {
                 let linked = graph.neighbors(a).iter().any(|&(to, _)| to == b);

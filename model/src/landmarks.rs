@@ -50,44 +50,85 @@ pub fn choose(
     landmarks
 }
 
-/// How far each frame is from the nearest of the frames chosen so far.
-struct Cover<'a, M> {
+/// How far each frame is from the nearest of the frames chosen so far, and which that is.
+pub(crate) struct Cover<'a, M> {
     frames: &'a Frames,
     metric: &'a M,
-    /// Squared distance, counts²; none for the chosen.
-    nearest: Vec<Option<u64>>,
+    /// In the order in which they were chosen.
+    chosen: Vec<u32>,
+    /// Of the chosen, none: they are not chosen again.
+    nearest: Vec<Option<Chosen>>,
 }
 
+/// The chosen frame nearest to another.
+#[derive(Clone, Copy)]
+struct Chosen {
+    /// Squared distance to it, counts².
+    squared: u64,
+    /// Its place in the order of choice.
+    rank: usize,
+}
+
+/// Counts² that rounding of squared distances to whole ones can take from the triangle inequality, and more.
+const ROUNDING: u64 = 8;
+
 impl<'a, M: Metric> Cover<'a, M> {
-    fn new(frames: &'a Frames, metric: &'a M) -> Self {
-        Self { frames, metric, nearest: vec![Some(u64::MAX); frames.n_frames()] }
+    pub(crate) fn new(frames: &'a Frames, metric: &'a M) -> Self {
+        let none = Chosen { squared: u64::MAX, rank: usize::MAX };
+        Self { frames, metric, chosen: Vec::new(), nearest: vec![Some(none); frames.n_frames()] }
     }
 
-    fn choose(&mut self, chosen: u32) {
+    /// Adds a frame to the chosen.
+    pub(crate) fn choose(&mut self, chosen: u32) {
         let row = self.frames.row(chosen as usize);
+        let squared_to = |index: u32| self.metric.squared_distance(row, self.frames.row(index as usize));
+        let rank = self.chosen.len();
+        let apart: Vec<u64> = self.chosen.par_iter().map(|&before| squared_to(before)).collect();
         self.nearest.par_iter_mut().enumerate().for_each(|(index, nearest)| {
-            if let Some(nearest) = nearest {
-                *nearest = self.metric.squared_distance(row, self.frames.row(index)).min(*nearest);
+            let Some(nearest) = nearest else { return };
+            // By the triangle inequality: if the chosen one is more than twice as far from the nearest before it as that is
+            // from the frame, it is farther from the frame.
+            let twice = nearest.squared.saturating_mul(4).saturating_add(ROUNDING);
+            if apart.get(nearest.rank).is_some_and(|&apart| apart > twice) {
+                return;
+            }
+            let squared = squared_to(index as u32);
+            let is_lower = || chosen < self.chosen[nearest.rank];
+            if squared < nearest.squared || squared == nearest.squared && is_lower() {
+                *nearest = Chosen { squared, rank };
             }
         });
         self.nearest[chosen as usize] = None;
+        self.chosen.push(chosen);
+    }
+
+    /// The chosen frame nearest to each frame, of equals the lowest, itself for a chosen one: its position among all chosen
+    /// by rising index.
+    pub(crate) fn nearest(&self) -> Vec<u32> {
+        let mut ascending: Vec<usize> = (0..self.chosen.len()).collect();
+        ascending.sort_unstable_by_key(|&rank| self.chosen[rank]);
+        let mut positions = vec![0; self.chosen.len()];
+        (0..).zip(&ascending).for_each(|(position, &rank)| positions[rank] = position);
+        let mut nearest: Vec<u32> =
+            self.nearest.iter().map(|nearest| nearest.map_or(0, |nearest| positions[nearest.rank])).collect();
+        (0..).zip(&ascending).for_each(|(position, &rank)| nearest[self.chosen[rank] as usize] = position);
+        nearest
     }
 
     /// The frame farthest from all chosen; of equals the lowest.
-    fn farthest(&self) -> u32 {
-        let farthest = |best: usize, index: usize| {
-            if self.nearest[index] > self.nearest[best] { index } else { best }
-        };
+    pub(crate) fn farthest(&self) -> u32 {
+        let squared = |index: usize| self.nearest[index].map(|nearest| nearest.squared);
+        let farthest = |best: usize, index: usize| if squared(index) > squared(best) { index } else { best };
         (0..self.nearest.len()).fold(0, farthest) as u32
     }
 
     /// A frame that is drawn in proportion to its squared distance; none where all are equal to chosen ones.
     fn draw(&self, random: &mut ChaCha8Rng) -> Option<u32> {
         // Squared distances of 2³² frames of the longest kind are beyond 64 bits.
-        let total: u128 = self.nearest.iter().flatten().map(|&squared| u128::from(squared)).sum();
+        let total: u128 = self.nearest.iter().flatten().map(|nearest| u128::from(nearest.squared)).sum();
         let mut left = if total > 0 { random.random_range(0..total) } else { return None };
-        let drawn = |nearest: &Option<u64>| {
-            let squared = u128::from(nearest.unwrap_or(0));
+        let drawn = |nearest: &Option<Chosen>| {
+            let squared = nearest.map_or(0, |nearest| u128::from(nearest.squared));
             let is_drawn = left < squared;
             left = left.saturating_sub(squared);
             is_drawn

@@ -19,7 +19,8 @@
 //! | symbol | in code | shape | meaning |
 //! |---|---|---|---|
 //! | D | `n_readings` | | readings in one frame |
-//! | N | `n_frames` | | reference frames: the vertices of the graph |
+//! | | `n_trained` | | trained frames: all that kinds are learnt from |
+//! | N | `n_frames` | | reference frames, all of the trained ones or those that cover them: the vertices of the graph |
 //! | ns | `n_neighbors` | | neighbours in the graph, and of a new frame |
 //! | n | `n_landmarks` | | reference frames that geodesics are measured from |
 //! | G | `geodesics` | (N, n) | shortest path length from frame to landmark |
@@ -29,7 +30,7 @@
 //! | λ, V | `eigenvalues`, `eigenvectors` | (d), (n, d) | of B = −½ H Δ H, H = I − 11ᵀ/n; positive, descending |
 //! | P | `projection` | (n, d) | ½ V Λ^(−½), landmark by landmark |
 //! | e(p) | `coordinates` | (d) | embedding of a frame p: P (δ̄ − δ(p)) |
-//! | τ, N_eff | `n_frames_effective` | | integrated autocorrelation time of the embedded trip, and N / τ |
+//! | τ, N_eff | `n_frames_effective` | | integrated autocorrelation time of the embedded trip, and `n_trained` / τ |
 //! | J, α, μ, Σ | `n_kinds`, `weights`, `means`, `covariances` | | Gaussian mixture; one component is one kind |
 //!
 //! Lengths are in counts of the response's scale (see [`response`]) by the model's [`metric`], squared lengths in counts².
@@ -49,14 +50,18 @@ pub mod geodesics;
 pub mod graph;
 pub mod intrinsic_dims;
 pub mod landmarks;
+mod learnt;
 mod lengths;
+mod locate;
 pub mod mds;
 pub mod metric;
 pub mod mixture;
 mod model;
 pub mod neighborhood;
 pub mod neighbors;
+mod out_of_sample;
 pub mod plan;
+mod reference;
 pub mod residual_variance;
 pub mod response;
 mod tally;
@@ -73,4 +78,5 @@ pub use model::{
     KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, NeighborsTrial, Origin, Provenance,
 };
 pub use plan::{FitPlan, LandmarkChoice, Method};
+pub use reference::ReferenceSet;
 pub use response::{Response, ResponsePlan, Scale};

@@ -12,7 +12,9 @@ use crate::intrinsic_dims::IntrinsicDims;
 use crate::mds::Embedding;
 use crate::metric::AnyMetric;
 use crate::mixture::Mixture;
+use crate::out_of_sample::Manifold;
 use crate::plan::FitPlan;
+use crate::reference::ReferenceSet;
 use crate::response::Response;
 
 /// Most kinds that a model may have: what a report in shared memory holds.
@@ -31,7 +33,9 @@ pub struct Manifest {
     pub plan: FitPlan,
     /// How commands are compared beside readings; none where frames are compared by readings alone.
     pub commands: Option<CommandScale>,
-    /// N.
+    /// Frames that kinds were learnt from: all of the trips that had a valid reading.
+    pub n_trained: usize,
+    /// N: those of them that the model keeps.
     pub n_frames: usize,
     /// ns.
     pub n_neighbors: usize,
@@ -51,6 +55,9 @@ pub struct Provenance {
     pub made_by: String,
     /// The frames.
     pub origin: Origin,
+    /// Farthest that a trained frame is from the nearest reference frame, counts on the response's scale; 0 where the model
+    /// keeps them all.
+    pub covering_radius: f32,
     /// What speaks for each number of neighbours, by rising number; empty where it was given, or there is no graph.
     pub neighbors_tried: Vec<NeighborsTrial>,
     /// Dimensions that the frames fill, near each frame: of the sensor's manifold and its noise, not of the embedding.
@@ -69,7 +76,7 @@ pub struct Provenance {
     pub eigenvalues: Vec<f64>,
     /// Share of negative eigenvalues in the sum of all magnitudes.
     pub negative_share: f64,
-    /// ln likelihood of the reference frames under the mixture, nats.
+    /// ln likelihood of the trained frames under the mixture, nats.
     pub log_likelihood: f64,
     /// Schwarz' criterion `−2 ln L + κ ln N`, nats.
     pub bic: f64,
@@ -79,7 +86,7 @@ pub struct Provenance {
     pub converged: bool,
     /// Starts given up because a kind lost its frames.
     pub n_starts_collapsed: usize,
-    /// N_eff: frames that are as good as independent of each other, N by the integrated autocorrelation time.
+    /// N_eff: trained frames that are as good as independent of each other, their number by the integrated autocorrelation time.
     pub n_frames_effective: f64,
     /// Share of the reference frames whose most probable kind is that of the most frames: near 1, kinds tell nothing apart.
     pub largest_kind_share: f64,
@@ -111,7 +118,7 @@ pub struct NeighborsTrial {
 pub struct KindsTrial {
     /// J.
     pub n_kinds: usize,
-    /// ln likelihood of the reference frames, nats.
+    /// ln likelihood of the trained frames, nats.
     pub log_likelihood: f64,
     /// Schwarz' criterion `−2 ln L + κ ln N`, nats; lower is better. Overfits trips, whose frames are not independent.
     pub bic: f64,
@@ -123,7 +130,7 @@ pub struct KindsTrial {
     pub held_out: f64,
 }
 
-/// Where the reference frames came from.
+/// Where the trained frames came from.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
@@ -134,6 +141,15 @@ pub struct Origin {
     pub n_frames: Vec<usize>,
     /// Frames of the trips that were left out because no reading was valid.
     pub n_frames_invalid: usize,
+}
+
+impl Origin {
+    /// Frames of each trip.
+    ///
+    /// * `n_trained` — of all trips
+    pub fn trips(&self, n_trained: usize) -> Vec<usize> {
+        if self.n_frames.is_empty() { vec![n_trained] } else { self.n_frames.clone() }
+    }
 }
 
 /// Which model: the first 16 bytes of its contents' SHA-256.
@@ -149,13 +165,14 @@ pub struct Model {
     /// The plan's, for its sensor.
     pub(crate) metric: AnyMetric,
     pub(crate) frames: Frames,
+    pub(crate) references: ReferenceSet,
     /// Frame indices, shape `(n_landmarks,)`; none in native space.
     pub(crate) landmarks: Array<u32>,
     /// Only Isomap has them: straight distances are taken from the frames.
     pub(crate) geodesics: Option<Geodesics>,
     /// None in native space, where a frame's counts are its coordinates.
     pub(crate) embedding: Option<Embedding>,
-    /// Of the reference frames, shape `(n_frames, n_dims)`, counts.
+    /// Of the trained frames, shape `(n_trained, n_dims)`, counts.
     pub(crate) coordinates: Array<f64>,
     pub(crate) mixture: Mixture,
     /// Squared distance of each reference frame to its ns-th neighbour, ascending, shape `(n_frames,)`, counts².
@@ -198,6 +215,11 @@ impl Model {
         &self.frames
     }
 
+    /// Which of the trained frames the reference frames are, and which of these is nearest to each.
+    pub fn references(&self) -> &ReferenceSet {
+        &self.references
+    }
+
     /// Frame indices of the landmarks, ascending; none in native space.
     pub fn landmarks(&self) -> &[u32] {
         &self.landmarks
@@ -213,9 +235,20 @@ impl Model {
         self.embedding.as_ref()
     }
 
-    /// Coordinates of the reference frames, shape `(n_frames, n_dims)`, counts.
+    /// Coordinates of the trained frames in order of time, shape `(n_trained, n_dims)`, counts. Those of the reference
+    /// frames stand where [`ReferenceSet::indices`] says.
     pub fn coordinates(&self) -> &[f64] {
         &self.coordinates
+    }
+
+    /// What a frame is placed by.
+    pub(crate) fn manifold(&self) -> Manifold<'_> {
+        Manifold {
+            frames: &self.frames,
+            landmarks: &self.landmarks,
+            geodesics: self.geodesics.as_ref(),
+            embedding: self.embedding.as_ref(),
+        }
     }
 
     /// The kinds.

@@ -14,7 +14,8 @@
 //!
 //! Neighbour lists are nested, so that the islands of a graph of more neighbours are unions of those of one of fewer. Its
 //! bridges are among the other's: what a minimum spanning set leaves out is the longest edge of some round, and stays that
-//! when frames are merged. So islands are joined once, at the fewest neighbours that are tried.
+//! when frames are merged. So islands are joined once, at the fewest neighbours that are tried. Edges that every graph has,
+//! between frames that follow each other, change none of this.
 
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
@@ -56,6 +57,7 @@ const SHORT_CIRCUIT_RISE: f64 = 2.0;
 /// Geodesics are measured from at most a hundred of the landmarks.
 ///
 /// * `lists` — of at least one neighbour
+/// * `besides` — edges that the graph has whatever the number
 /// * `landmarks` — frame indices, at least one
 /// * `n_dims` — d of the model; none where it is left to the evidence
 /// * `done` — told how many numbers are measured, and of how many
@@ -65,14 +67,15 @@ pub fn try_neighbors(
     frames: &Frames,
     metric: &impl Metric,
     lists: &NeighborLists,
+    besides: &[Edge],
     landmarks: &[u32],
     n_dims: Option<usize>,
     done: &mut dyn FnMut(usize, usize),
 ) -> Vec<NeighborsTrial> {
     let most = lists.k().min(N_NEIGHBORS_TRIED_MAX);
-    let fewest = fewest(lists, most);
+    let fewest = fewest(lists, besides, most);
     let between = |a: u32, b: u32| metric.squared_distance(frames.row(a as usize), frames.row(b as usize));
-    let bridges = Graph::union(lists, fewest).join_islands(between);
+    let bridges = Graph::union(lists, fewest, besides).join_islands(between);
 
     let n_landmarks = landmarks.len().min(N_LANDMARKS);
     // By rising index, so that these are spread over the trip.
@@ -81,7 +84,8 @@ pub fn try_neighbors(
     let n_tried = most - fewest + 1;
     // One after the other, each on all threads: side by side, each would hold its graph and geodesics.
     let measure = |(index, n_neighbors)| {
-        let measured = Measured::new(lists, n_neighbors, &bridges, &landmarks);
+        let graph = Graph::union(lists, n_neighbors, besides);
+        let measured = Measured::new(graph, n_neighbors, &bridges, &landmarks);
         done(index + 1, n_tried);
         measured
     };
@@ -133,10 +137,10 @@ fn doubles(trials: &[NeighborsTrial], index: usize) -> bool {
 }
 
 /// The fewest neighbours to try.
-fn fewest(lists: &NeighborLists, most: usize) -> usize {
+fn fewest(lists: &NeighborLists, besides: &[Edge], most: usize) -> usize {
     let mut few_bridges = None;
     for n_neighbors in 1..most {
-        let islands = Graph::union(lists, n_neighbors).islands();
+        let islands = Graph::union(lists, n_neighbors, besides).islands();
         if islands.len() > N_BRIDGES_FEW + 1 {
             continue;
         }
@@ -159,8 +163,7 @@ struct Measured {
 
 impl Measured {
     /// * `bridges` — of a graph of no more neighbours, shortest first
-    fn new(lists: &NeighborLists, n_neighbors: usize, bridges: &[Edge], landmarks: &[u32]) -> Self {
-        let mut graph = Graph::union(lists, n_neighbors);
+    fn new(mut graph: Graph, n_neighbors: usize, bridges: &[Edge], landmarks: &[u32]) -> Self {
         let n_islands = graph.islands().len();
         let bridges = graph.join_by(bridges.iter().copied());
         let geodesics = Geodesics::measure(&graph, landmarks, &mut |_| ());

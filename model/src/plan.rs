@@ -49,12 +49,16 @@ pub struct FitPlan {
     pub response: ResponsePlan,
     /// How far apart two frames are on that scale.
     pub metric: MetricPlan,
+    /// Most frames that the model keeps. Of longer trips it keeps as many that cover them.
+    pub n_frames_max: usize,
     /// Along the manifold or straight.
     pub method: Method,
     /// ns. None: by evidence, the fewest from ten on that leave few frames beyond bridges and nearly the least residual
     /// variance; fewer than ten only where so many make a short circuit.
     pub n_neighbors: Option<usize>,
-    /// n; all frames if there are no more.
+    /// Whether frames that follow each other in a trip are neighbours in the graph, however far apart.
+    pub consecutive_edges: bool,
+    /// n; all reference frames if there are no more.
     pub n_landmarks: usize,
     /// How these are chosen.
     pub landmark_choice: LandmarkChoice,

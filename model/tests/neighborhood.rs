@@ -54,7 +54,7 @@ fn tried(frames: &Frames) -> Vec<NeighborsTrial> {
     let n_listed = N_NEIGHBORS_TRIED_MAX.min(frames.n_frames() - 1);
     let lists = nearest_of_each(frames, &Euclidean, n_listed, &mut |_| ());
     let landmarks: Vec<u32> = (0..frames.n_frames() as u32).step_by(5).collect();
-    try_neighbors(frames, &Euclidean, &lists, &landmarks, None, &mut |_, _| ())
+    try_neighbors(frames, &Euclidean, &lists, &[], &landmarks, None, &mut |_, _| ())
 }
 
 fn numbers(trials: &[NeighborsTrial]) -> Vec<usize> {
@@ -84,7 +84,7 @@ fn what_is_tried_begins_where_nearly_all_frames_are_on_one_island() {
     let trials = tried(&frames);
     assert_eq!(numbers(&trials), (trials[0].n_neighbors..=N_NEIGHBORS_TRIED_MAX).collect::<Vec<_>>());
     let lists = nearest_of_each(&frames, &Euclidean, N_NEIGHBORS_TRIED_MAX, &mut |_| ());
-    let islands = |n_neighbors| Graph::union(&lists, n_neighbors).islands();
+    let islands = |n_neighbors| Graph::union(&lists, n_neighbors, &[]).islands();
     let is_one = |islands: &[Vec<u32>]| islands.len() <= 4 && islands[0].len() >= 380;
     let fewest = trials[0].n_neighbors;
     assert!(fewest > 1 && is_one(&islands(fewest)), "{fewest}");
@@ -109,7 +109,7 @@ proptest! {
         let frames = Frames::new(1, counts);
         let lists = nearest_of_each(&frames, &Euclidean, N_NEIGHBORS_TRIED_MAX, &mut |_| ());
         for trial in tried(&frames) {
-            let mut graph = Graph::union(&lists, trial.n_neighbors);
+            let mut graph = Graph::union(&lists, trial.n_neighbors, &[]);
             prop_assert_eq!(trial.n_islands, graph.islands().len());
             let squared = |a: u32, b: u32| Euclidean.squared_distance(frames.row(a as usize), frames.row(b as usize));
             let bridges: Vec<f32> = graph.join_islands(squared).iter().map(|bridge| bridge.length).collect();
@@ -220,8 +220,10 @@ fn as_they_are(landmark_choice: LandmarkChoice, n_neighbors: Option<usize>) -> F
         sensor: SensorLayout { rows: 1, columns: 50, metres_per_count: 1.0 },
         response: ResponsePlan::new(Scale::Range, 65_535.0),
         metric: MetricPlan::Euclidean,
+        n_frames_max: usize::MAX,
         method: Method::Isomap,
         n_neighbors,
+        consecutive_edges: false,
         n_landmarks: 60,
         landmark_choice,
         n_dims: None,

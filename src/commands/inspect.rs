@@ -34,7 +34,7 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<(), Failure> {
 }
 
 fn describe(model: &Model) -> String {
-    let Manifest { plan, n_frames, n_neighbors, n_kinds, provenance, .. } = model.manifest();
+    let Manifest { plan, n_trained, n_frames, n_neighbors, n_kinds, provenance, .. } = model.manifest();
     let response = &plan.response;
     let mut lines = vec![
         ("model", model.id().to_string()),
@@ -55,7 +55,14 @@ fn describe(model: &Model) -> String {
         (
             "frames",
             format!(
-                "{n_frames} reference frames; {} without any valid reading left out",
+                "{n_frames} reference frames{}; {} without any valid reading left out",
+                match n_frames == n_trained {
+                    true => String::new(),
+                    false => format!(
+                        " of {n_trained} that it was learnt from, each within {:.0} counts of one",
+                        provenance.covering_radius
+                    ),
+                },
                 provenance.origin.n_frames_invalid
             ),
         ),
@@ -128,7 +135,8 @@ fn how(model: &Model) -> String {
                 LandmarkChoice::Farthest => " by farthest point",
                 LandmarkChoice::KMeans => " by k-means",
             };
-            format!("{n_neighbors} neighbours, {n_landmarks} landmarks{choice}")
+            let in_time = if plan.consecutive_edges { " and those before and after in time" } else { "" };
+            format!("{n_neighbors} neighbours{in_time}, {n_landmarks} landmarks{choice}")
         }
     }
 }

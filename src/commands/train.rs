@@ -119,10 +119,10 @@ fn read_config(path: &Path) -> Result<Config, Failure> {
 
 /// What was learnt, in a line.
 pub(crate) fn summary(model: &Model) -> String {
-    let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = model.manifest();
+    let Manifest { plan, n_trained, n_dims, n_kinds, provenance, .. } = model.manifest();
     let left = provenance.residual_variance.get(n_dims - 1);
     format!(
-        "learnt {n_kinds} {} from {n_frames} frames of {} readings: {} of {} by {}{} in {n_dims} dimensions{}",
+        "learnt {n_kinds} {} from {n_trained} frames of {} readings: {} of {} by {}{} in {n_dims} dimensions{}",
         kinds_word(*n_kinds),
         plan.sensor.n_readings(),
         method_name(plan),
@@ -133,10 +133,11 @@ pub(crate) fn summary(model: &Model) -> String {
     )
 }
 
-/// What was left to the evidence, and why it came out so, in a line each.
+/// What was left out or left to the evidence, and why it came out so, in a line each.
 pub(crate) fn choices(model: &Model) -> Vec<String> {
-    let Manifest { plan, n_frames, n_dims, n_kinds, provenance, .. } = model.manifest();
-    let mut lines: Vec<String> = neighbors_choice(&provenance.neighbors_tried).into_iter().collect();
+    let Manifest { plan, n_trained, n_dims, n_kinds, provenance, .. } = model.manifest();
+    let mut lines: Vec<String> = reference_choice(model).into_iter().collect();
+    lines.extend(neighbors_choice(&provenance.neighbors_tried));
     if plan.n_dims.is_none() && model.embedding().is_some() {
         let elbow = provenance.elbow;
         lines.push(format!(
@@ -151,7 +152,7 @@ pub(crate) fn choices(model: &Model) -> Vec<String> {
     tried.sort_by(|a, b| a.bic_neff.total_cmp(&b.bic_neff));
     if let [best, second, ..] = tried[..] {
         lines.push(format!(
-            "kinds: {n_kinds}, the least BIC_neff of 1 to {}: {:.1} nats, {:.1} less than {} kinds; {n_frames} frames \
+            "kinds: {n_kinds}, the least BIC_neff of 1 to {}: {:.1} nats, {:.1} less than {} kinds; {n_trained} frames \
              count as {:.0} independent ones",
             tried.len(),
             best.bic_neff,
@@ -161,6 +162,18 @@ pub(crate) fn choices(model: &Model) -> Vec<String> {
         ));
     }
     lines
+}
+
+/// How many frames were kept, where not all were.
+fn reference_choice(model: &Model) -> Option<String> {
+    let Manifest { n_trained, n_frames, provenance, .. } = model.manifest();
+    (n_frames < n_trained).then(|| {
+        format!(
+            "reference frames: kept {n_frames} of {n_trained} frames, each of which is within {:.0} counts of one; kinds are \
+             learnt from all",
+            provenance.covering_radius
+        )
+    })
 }
 
 /// The number of neighbours that was chosen, its runner-up, and where there may be short circuits.

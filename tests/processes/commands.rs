@@ -96,8 +96,8 @@ fn a_trip_without_commands_where_they_are_asked_for_is_a_sentence() {
     train(&robot, FIRST, &["--commands-weight", "0.5"]);
     Trip::SECOND.write(&robot.path("silent.mcap"));
     let sentence = "trip silent.mcap has no commands to compare frames by: no message of type geometry_msgs/msg/Twist or \
-                    geometry_msgs/msg/TwistStamped came at or before any of its 130 frames; record what the robot is told, \
-                    or train with a commands weight of 0";
+                    geometry_msgs/msg/TwistStamped came at or before any of its 130 frames, or there are several such topics; \
+                    name one with --commands-topic, record what the robot is told, or train with a commands weight of 0";
     let train = ["train", FIRST, "silent.mcap", "--output", "both.kinds", "--commands-weight", "0.5"];
     robot.refuse(&train, 1, sentence);
     robot.refuse(&["evaluate", MODEL, FIRST, "silent.mcap"], 1, sentence);

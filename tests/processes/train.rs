@@ -27,7 +27,7 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
     robot.write(
         "config.ron",
         "// Everything that there is.\n(response: log, range_m_max: 5.0, invalid_range_m: 4.5, offset_m: 0.2, metric: rings(2), method: \
-         pca, neighbors: 7, landmarks: \"75%\", landmark_choice: farthest, dims: 3, kinds: 4, covariance: \
+         pca, frames: 80, neighbors: 7, consecutive_edges: true, landmarks: \"75%\", landmark_choice: farthest, dims: 3, kinds: 4, covariance: \
          tied, starts: 2, covariance_floor: 0.01, seed: 3, \
          metres_per_count: 0.002, frames_topic: \"/ring\", poses_topic: \"/odom\")",
     );
@@ -35,7 +35,7 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
     #[rustfmt::skip]
     let flags = [
         "--response", "log", "--range-m-max", "5", "--invalid-range-m", "4.5", "--offset-m", "0.2", "--metric", "rings:2", "--method", "pca",
-        "--neighbors", "7", "--landmarks", "75%", "--landmark-choice", "farthest", "--dims", "3", "--kinds", "4",
+        "--frames", "80", "--neighbors", "7", "--consecutive-edges", "--landmarks", "75%", "--landmark-choice", "farthest", "--dims", "3", "--kinds", "4",
         "--covariance", "tied", "--starts", "2",
         "--covariance-floor", "0.01", "--seed", "3", "--metres-per-count", "0.002", "--frames-topic", "/ring",
         "--poses-topic", "/odom",
@@ -50,8 +50,10 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
     assert_eq!((&file["n_kinds"], &over["n_kinds"]), (&4.into(), &2.into()));
     for (name, value) in [
         ("method", "Pca".into()),
+        ("n_frames_max", 80.into()),
         ("n_neighbors", 7.into()),
-        ("n_landmarks", 120.into()),
+        ("consecutive_edges", true.into()),
+        ("n_landmarks", 60.into()),
         ("landmark_choice", "Farthest".into()),
         ("n_dims", 3.into()),
         ("seed", Value::from(3)),
@@ -82,6 +84,36 @@ fn training_says_what_was_learnt_and_where_it_is() {
         inspect(&robot, "both.kinds")["provenance"]["origin"]["n_frames"],
         serde_json::json!([160, 130])
     );
+}
+
+#[test]
+fn a_trip_longer_than_the_model_may_hold_is_thinned_and_both_train_and_inspect_say_so() {
+    let robot = Robot::trained();
+    let thin = ["train", FIRST, SECOND, "--output", "thin.kinds", "--frames", "100", "--consecutive-edges"];
+    let told = robot.succeed(&[&thin[..], &SIZE].concat());
+    assert!(told.starts_with("learnt 5 kinds from 290 frames of 16 readings: "), "{told}");
+    let inspection = inspect(&robot, "thin.kinds");
+    assert_eq!((&inspection["n_trained"], &inspection["n_frames"]), (&290.into(), &100.into()));
+    let radius = inspection["provenance"]["covering_radius"].as_f64().unwrap();
+    assert!(radius > 0.0);
+    let line = format!(
+        "reference frames: kept 100 of 290 frames, each of which is within {radius:.0} counts of one; kinds are learnt from all"
+    );
+    assert!(told.lines().any(|found| found == line), "no {line:?} in {told}");
+    let text = robot.succeed(&["inspect", "thin.kinds"]);
+    for line in [
+        format!(
+            "frames       100 reference frames of 290 that it was learnt from, each within {radius:.0} counts of one; 0 \
+             without any valid reading left out"
+        ),
+        "method       Isomap: 10 neighbours and those before and after in time, 100 landmarks".to_string(),
+    ] {
+        assert!(text.lines().any(|found| found == line), "no {line:?} in {text}");
+    }
+    let scores: Value =
+        serde_json::from_str(&robot.succeed(&["evaluate", "thin.kinds", FIRST, SECOND, "--json"])).unwrap();
+    let methods = &scores["methods"];
+    assert_eq!(methods["isomap"]["n_kinds"], methods["pca"]["n_kinds"]);
 }
 
 #[test]

@@ -36,7 +36,14 @@ fn classified(model: &Model, trip: PathBuf) -> Vec<usize> {
 #[test]
 fn a_report_is_a_page_with_every_figure_and_the_kinds_of_every_trip_on_the_path() {
     let robot = recorded(Trip::FIRST);
-    let train = ["train", FIRST, SECOND, "--output", MODEL, "--report", "new/report"];
+    // Whether or not the model keeps every frame.
+    for n_frames in ["4000", "100"] {
+        check_report(&robot, n_frames);
+    }
+}
+
+fn check_report(robot: &Robot, n_frames: &str) {
+    let train = ["train", FIRST, SECOND, "--output", MODEL, "--report", "new/report", "--frames", n_frames];
     let told = robot.succeed(&[&train[..], &SIZE].concat());
     assert_eq!(told.lines().last(), Some("wrote new/report/report.html"));
     let figures = ["canonical-views", "embedding", "path", "residual-variance", "spectrum", "time"];
@@ -50,11 +57,11 @@ fn a_report_is_a_page_with_every_figure_and_the_kinds_of_every_trip_on_the_path(
     found.sort();
     assert_eq!(found, expected);
 
-    let page = text(&robot, "new/report/report.html");
+    let page = text(robot, "new/report/report.html");
     assert!(page.contains("<h1>Natural kinds: first, second</h1>"));
     let model = open_model(&robot.path(MODEL));
     let kinds = [FIRST, SECOND].map(|trip| classified(&model, robot.path(trip)));
-    let rows: Vec<(String, String)> = text(&robot, "new/report/path.csv")
+    let rows: Vec<(String, String)> = text(robot, "new/report/path.csv")
         .lines()
         .skip(1)
         .map(|line| line.split(',').collect::<Vec<_>>())

@@ -26,11 +26,16 @@ pub struct Config {
     /// `ring`, at the nearest turn, each row of the sensor being a ring; or `rings(2)`, where the readings are so many rings.
     /// Default: euclidean.
     pub metric: Option<MetricChoice>,
+    /// Most frames that the model keeps, at least 1. Of longer trips it keeps as many that cover them, and learns kinds from
+    /// all. Default: 4000.
+    pub frames: Option<usize>,
     /// Isomap, PCA, both of them side by side, or native space. Default: Isomap.
     pub method: Option<MethodChoice>,
     /// Neighbours in the graph, at least 1. Default: the fewest of 10 to 30 that leave few frames beyond bridges and
     /// a residual variance within 0.01 of the least; fewer than 10 where so many make a short circuit.
     pub neighbors: Option<usize>,
+    /// Whether frames that follow each other in a trip are neighbours however unlike. Default: false.
+    pub consecutive_edges: Option<bool>,
     /// Landmarks: all, a count of at least 1, or a share such as "25%". Default: 1000, or all frames if there are fewer.
     pub landmarks: Option<LandmarkNumber>,
     /// How landmarks are chosen: random, farthest or k_means. Default: random.
@@ -114,6 +119,9 @@ pub enum ConfigError {
 /// readings must not stretch the scale.
 const USEFUL_SHARE: f64 = 0.99;
 
+/// Reference frames that keep a trip of hours within minutes: the cost of their neighbours grows with their square.
+const USUAL_FRAMES_MAX: usize = 4000;
+
 /// Landmarks that keep a trip of an hour within seconds: the eigenvalues' cost grows with their cube.
 const USUAL_LANDMARKS: LandmarkNumber = LandmarkNumber::Count(1000);
 
@@ -140,8 +148,10 @@ impl Config {
             invalid_range_m: over.invalid_range_m.or(self.invalid_range_m),
             offset_m: over.offset_m.or(self.offset_m),
             metric: over.metric.or(self.metric),
+            frames: over.frames.or(self.frames),
             method: over.method.or(self.method),
             neighbors: over.neighbors.or(self.neighbors),
+            consecutive_edges: over.consecutive_edges.or(self.consecutive_edges),
             landmarks: over.landmarks.or(self.landmarks),
             landmark_choice: over.landmark_choice.or(self.landmark_choice),
             dims: over.dims.or(self.dims),
@@ -181,6 +191,7 @@ impl Config {
             _ => Ok(()),
         };
         let positive: fn(f64) -> bool = |value| value.is_finite() && value > 0.0;
+        count("frames", self.frames, usize::MAX)?;
         count("neighbors", self.neighbors, usize::MAX)?;
         count("dims", self.dims, N_DIMS_MAX)?;
         count("kinds", self.kinds, N_KINDS_MAX)?;
@@ -229,6 +240,8 @@ impl Config {
         );
         let seed = self.seed.unwrap_or(0);
         let em = EmPlan::new(seed);
+        let n_frames_max = self.frames.unwrap_or(USUAL_FRAMES_MAX);
+        let n_frames = n_frames_max.min(counts.len() / sensor.n_readings());
         Ok(FitPlan {
             sensor,
             response: ResponsePlan {
@@ -237,13 +250,15 @@ impl Config {
                 ..usual
             },
             metric: self.metric.as_ref().map(|choice| choice.plan(sensor)).unwrap_or_default(),
+            n_frames_max,
             method: match self.method {
                 None | Some(MethodChoice::Isomap | MethodChoice::Both) => Method::Isomap,
                 Some(MethodChoice::Pca) => Method::Pca,
                 Some(MethodChoice::Native) => Method::Native,
             },
             n_neighbors: self.neighbors,
-            n_landmarks: self.landmarks.unwrap_or(USUAL_LANDMARKS).of(counts.len() / sensor.n_readings()),
+            consecutive_edges: self.consecutive_edges.unwrap_or(false),
+            n_landmarks: self.landmarks.unwrap_or(USUAL_LANDMARKS).of(n_frames),
             landmark_choice: self.landmark_choice.unwrap_or_default(),
             n_dims: self.dims,
             n_kinds: self.kinds,
@@ -282,6 +297,7 @@ mod tests {
         let plan = Config::from_ron("()").unwrap().plan(RING, &[0, 4000, 3000]).unwrap();
         assert_eq!((plan.n_neighbors, plan.n_dims, plan.n_kinds), (None, None, None));
         assert_eq!((plan.landmark_choice, plan.response.range_m_max), (LandmarkChoice::Random, 4.0));
+        assert_eq!((plan.n_frames_max, plan.consecutive_edges), (4000, false));
     }
 
     #[test]
@@ -323,6 +339,9 @@ mod tests {
         assert_eq!(n_landmarks("(landmarks: all)"), Ok(40));
         assert_eq!(n_landmarks("(landmarks: 30)"), Ok(30));
         assert_eq!(n_landmarks("(landmarks: \"25%\")"), Ok(10));
+        // Of those that the model keeps.
+        assert_eq!(n_landmarks("(landmarks: \"25%\", frames: 20)"), Ok(5));
+        assert_eq!(n_landmarks("(frames: 20)"), Ok(20));
         let chosen = Config::from_ron("(landmark_choice: k_means)").unwrap().plan(RING, &counts).unwrap();
         assert_eq!(chosen.landmark_choice, LandmarkChoice::KMeans);
     }
@@ -334,6 +353,7 @@ mod tests {
             Err(error) => error.to_string(),
         };
         assert_eq!(refuse("(\n  kinds: 65,\n)"), "kinds is 65; it must be between 1 and 64");
+        assert_eq!(refuse("(frames: 0)"), "frames is 0; it must be at least 1");
         assert_eq!(refuse("(offset_m: 0)"), "offset_m is 0; it must be above 0 m");
         assert_eq!(
             refuse("(covariance_floor: 1.5)"),

@@ -221,7 +221,8 @@ pub struct Rivals {
 }
 
 impl Rivals {
-    /// Fits the rivals of a model: the methods that it does not use, to its reference frames.
+    /// Fits the rivals of a model: the methods that it does not use, to its reference frames, each of which counts for all
+    /// frames that it stands for ([`refit`]).
     ///
     /// Native space has no dimensions to match: of a model of it, Isomap's rival has as many as the evidence speaks for, and
     /// that of principal components as many as Isomap's.

@@ -46,7 +46,8 @@ pub enum LoadError {
     /// Nothing to compare beside readings.
     #[error(
         "trip {path} has no commands to compare frames by: no message of type {types} came at or before any of its {n_frames} \
-         frames; record what the robot is told, or train with a commands weight of 0"
+         frames, or there are several such topics; name one with --commands-topic, record what the robot is told, or train with \
+         a commands weight of 0"
     )]
     NoCommands {
         /// The file.

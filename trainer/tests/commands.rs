@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use kinds_model::Model;
+use kinds_trainer::report::canonical_views;
 use kinds_trainer::{
     CommandsConfig, Config, EvaluationPlan, Meeting, Rivals, adjusted_mutual_information, evaluate, load,
     train,
@@ -63,11 +64,11 @@ fn trips(folder: &Path) -> [PathBuf; 2] {
     })
 }
 
-fn learn(trip: &Path, weight: f64) -> Model {
+fn learn(trip: &Path, kinds: usize, weight: f64) -> Model {
     let config = Config {
         neighbors: Some(8),
         dims: Some(3),
-        kinds: Some(4),
+        kinds: Some(kinds),
         commands: CommandsConfig { weight: Some(weight) },
         ..Config::default()
     };
@@ -90,7 +91,7 @@ fn places_that_look_alike_are_told_apart_by_commands_and_only_by_them() {
         trips.each_ref().map(|trip| load(trip, &Selection::default(), &mut |_, _, _| ()).unwrap());
     let plan = EvaluationPlan { radius_m: 0.3, share: 0.5, seed: 0 };
     let agreements = [0.0, 1.0].map(|weight| {
-        let rivals = Rivals::of(learn(&trips[0], weight), &mut |_, _, _| ()).unwrap();
+        let rivals = Rivals::of(learn(&trips[0], 4, weight), &mut |_, _, _| ()).unwrap();
         let meeting = Meeting::find(rivals.isomap.layout(), &first, &second, &plan).unwrap();
         evaluate(&rivals, &meeting, &mut |_, _, _| ()).isomap_kinds.map(|kinds| agreement(&kinds))
     });
@@ -104,7 +105,7 @@ fn places_that_look_alike_are_told_apart_by_commands_and_only_by_them() {
 fn reference_frames_are_the_sensors_readings_and_the_commands_behind_them() {
     let folder = tempfile::tempdir().unwrap();
     let [trip, _] = trips(folder.path());
-    let (with, without) = (learn(&trip, 1.0), learn(&trip, 0.0));
+    let (with, without) = (learn(&trip, 4, 1.0), learn(&trip, 4, 0.0));
     let (with, without) = (with.frames(), without.frames());
     assert_eq!((with.n_readings(), with.n_columns(), with.n_frames()), (8, 10, N_FRAMES));
     assert_eq!(without.n_columns(), 8);
@@ -115,4 +116,14 @@ fn reference_frames_are_the_sensors_readings_and_the_commands_behind_them() {
         let expected = end(frame_index).map_or(32768, |end| if end == 1 { u16::MAX } else { 0 });
         assert_eq!(turn, expected);
     }
+}
+
+#[test]
+fn the_views_of_a_kind_are_of_what_the_sensor_saw() {
+    let folder = tempfile::tempdir().unwrap();
+    let [trip, _] = trips(folder.path());
+    // One kind for all frames: whatever they are compared by, its views are those of all readings.
+    let [with, without] = [1.0, 0.0].map(|weight| canonical_views(&learn(&trip, 1, weight)).csv().to_owned());
+    assert_eq!(with, without);
+    assert_eq!(with.lines().count(), 1 + 8);
 }

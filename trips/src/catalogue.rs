@@ -190,7 +190,7 @@ impl Catalogue {
 /// The topic for a role: the one named, or the only one that fits. Where there is odometry, a pose on its own must be
 /// named: what stands beside odometry is a goal, a marker, or the truth to judge it by.
 ///
-/// `None` if none was named and none fits.
+/// `None` if none was named and none fits, or several could give commands.
 pub(crate) fn choose(
     path: &Path,
     topics: &[Topic],
@@ -213,6 +213,8 @@ pub(crate) fn choose(
             Some(topic) => TripError::UnfitTopic { path, role, topic: Box::new((*topic).clone()) },
             None => TripError::NoSuchTopic { path, role, name: name.to_owned(), topics: topics.to_vec() },
         }),
+        // Commands before and after whatever limits them: most who read a trip need neither, and nobody can know which is meant.
+        (_, None) if role == Role::Commands => Ok(None),
         (several, _) => Err(TripError::SeveralTopics {
             path,
             role,

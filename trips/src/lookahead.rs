@@ -122,6 +122,8 @@ impl Lookahead {
             if let Some(command) = command {
                 self.commands.insert(at.unwrap_or(logged), command);
             }
+        } else {
+            return Ok(());
         }
         self.waiting.iter_mut().for_each(|frame| frame.settle(&self.poses, &self.commands, false));
         Ok(())

@@ -17,16 +17,16 @@ pub(super) struct Views {
 
 /// What one kind looks like.
 pub(super) struct View {
-    /// Share of the kind among the reference frames, 0…1: the mean of its responsibilities.
+    /// Share of the kind among the trained frames, 0…1: the mean of its responsibilities.
     pub(super) share: f64,
     /// Weighted mean, shape `(n_readings,)`.
     pub(super) mean: Vec<f64>,
-    /// The mean less that of all reference frames, shape `(n_readings,)`.
+    /// The mean less that of all frames, shape `(n_readings,)`.
     pub(super) difference: Vec<f64>,
     /// One standard deviation below and above the mean on the response's scale, the smaller first, shape
     /// `(n_readings,)`.
     pub(super) around: Vec<(f64, f64)>,
-    /// The frame among those of this kind that is nearest to the mean.
+    /// The reference frame among those of this kind that is nearest to the mean: which of the trained frames that is.
     pub(super) medoid_frame: usize,
     /// Its readings, shape `(n_readings,)`.
     pub(super) medoid: Vec<f64>,
@@ -48,7 +48,7 @@ pub(super) struct Inverse {
     metres_per_count: f64,
 }
 
-/// Sums over the reference frames, weighted with a kind's responsibilities.
+/// Sums over the reference frames, weighted with how much they are of a kind.
 struct Sums {
     weight: f64,
     /// Shape `(n_readings,)` each.
@@ -115,14 +115,15 @@ impl Inverse {
 impl Views {
     /// Computes all views. O(n_frames · n_readings · kinds that a frame is shared by).
     pub(super) fn of(model: &Model) -> Self {
-        let frames = model.frames();
+        let (frames, trained) = (model.frames(), model.references().indices());
         let (responsibilities, kinds) = responsibilities(model);
         let n_kinds = model.mixture().n_kinds();
-        let sums = sums(frames, &responsibilities, n_kinds);
+        let weights = weights(model, &responsibilities);
+        let sums = sums(frames, &weights, n_kinds);
         let unit = Unit::of(model);
-        let n_frames = frames.n_frames() as f64;
+        let n_trained = kinds.len() as f64;
         let of_all: Vec<f64> = (0..frames.n_readings())
-            .map(|reading| unit.value(sums.iter().map(|sum| sum.counts[reading]).sum::<f64>() / n_frames))
+            .map(|reading| unit.value(sums.iter().map(|sum| sum.counts[reading]).sum::<f64>() / n_trained))
             .collect();
         let of_kinds = sums
             .iter()
@@ -139,15 +140,16 @@ impl Views {
                         (a.min(b), a.max(b))
                     })
                     .collect();
-                let of_kind = |frame: &usize| kinds[*frame] == kind;
-                let weight = |frame: usize| responsibilities[frame * n_kinds + kind];
-                let medoid_frame = nearest((0..frames.n_frames()).filter(of_kind), frames, &place)
+                let of_kind = |frame: &usize| kinds[trained[*frame] as usize] == kind;
+                let weight = |frame: usize| weights[frame * n_kinds + kind];
+                let medoid = nearest((0..frames.n_frames()).filter(of_kind), frames, &place)
                     // A kind that is nowhere the most probable: the frame that is most of it.
                     .or_else(|| (0..frames.n_frames()).max_by(|a, b| weight(*a).total_cmp(&weight(*b))))
                     .unwrap_or(0);
+                let medoid_frame = trained[medoid] as usize;
                 let medoid =
-                    frames.readings(medoid_frame).iter().map(|&count| unit.value(f64::from(count))).collect();
-                View { share: sum.weight / n_frames, mean, difference, around, medoid_frame, medoid }
+                    frames.readings(medoid).iter().map(|&count| unit.value(f64::from(count))).collect();
+                View { share: sum.weight / n_trained, mean, difference, around, medoid_frame, medoid }
             })
             .collect();
         Self { unit, of_kinds }
@@ -169,7 +171,7 @@ impl Sums {
     }
 }
 
-/// Responsibilities of the reference frames, shape `(n_frames, n_kinds)`, and their most probable kinds.
+/// Responsibilities of the trained frames, shape `(n_trained, n_kinds)`, and their most probable kinds.
 pub(super) fn responsibilities(model: &Model) -> (Vec<f64>, Vec<usize>) {
     let mixture = model.mixture();
     let n_kinds = mixture.n_kinds();
@@ -185,11 +187,26 @@ pub(super) fn responsibilities(model: &Model) -> (Vec<f64>, Vec<usize>) {
     (all, kinds)
 }
 
-fn sums(frames: &Frames, responsibilities: &[f64], n_kinds: usize) -> Vec<Sums> {
+/// How much each reference frame is of each kind, shape `(n_frames, n_kinds)`: the sum over all trained frames that it
+/// stands for. So kinds look as they do on the trips, however the reference frames are spread.
+///
+/// * `responsibilities` — of the trained frames, shape `(n_trained, n_kinds)`
+fn weights(model: &Model, responsibilities: &[f64]) -> Vec<f64> {
+    let n_kinds = model.mixture().n_kinds();
+    let mut weights = vec![0.0; model.frames().n_frames() * n_kinds];
+    for (shares, &frame) in responsibilities.chunks_exact(n_kinds).zip(model.references().nearest()) {
+        let weights = &mut weights[frame as usize * n_kinds..][..n_kinds];
+        weights.iter_mut().zip(shares).for_each(|(weight, share)| *weight += share);
+    }
+    weights
+}
+
+/// * `weights` — of the frames, shape `(n_frames, n_kinds)`
+fn sums(frames: &Frames, weights: &[f64], n_kinds: usize) -> Vec<Sums> {
     let zeros = || vec![0.0; frames.n_readings()];
     let mut sums: Vec<Sums> =
         (0..n_kinds).map(|_| Sums { weight: 0.0, counts: zeros(), squares: zeros() }).collect();
-    for (frame, shares) in responsibilities.chunks_exact(n_kinds).enumerate() {
+    for (frame, shares) in weights.chunks_exact(n_kinds).enumerate() {
         for (sum, &share) in sums.iter_mut().zip(shares).filter(|(_, share)| **share >= RESPONSIBILITY_MIN) {
             sum.weight += share;
             for ((counts, squares), &count) in

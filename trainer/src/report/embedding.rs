@@ -1,4 +1,4 @@
-//! Figure of where the reference frames lie on the manifold.
+//! Figure of where the trained frames lie on the manifold.
 
 use kinds_model::Model;
 use kinds_model::mixture::most_probable;
@@ -16,7 +16,7 @@ const N_POINTS_MAX: usize = 1500;
 /// Three stand side by side on a wide page.
 const SIZE_PX: (f64, f64) = (282.0, 290.0);
 
-/// Reference frames that are drawn, evenly taken from all: places, shape `(n, n_dims)`, and kinds.
+/// Trained frames that are drawn, evenly taken from all: places, shape `(n, n_dims)`, and kinds.
 struct Points<'a> {
     frames: Vec<usize>,
     places: Vec<&'a [f64]>,
@@ -41,10 +41,10 @@ pub fn embedding(model: &Model) -> Figure {
         cells.extend(place[..n_shown].iter().map(|coordinate| coordinate as &dyn std::fmt::Display));
         csv.line(&cells);
     }
-    let (n_frames, n_drawn) = (model.manifest().n_frames, points.frames.len());
-    let which = match n_drawn == n_frames {
-        true => format!("All {n_frames} reference frames"),
-        false => format!("{n_drawn} of the {n_frames} reference frames, evenly taken,"),
+    let (n_trained, n_drawn) = (model.manifest().n_trained, points.frames.len());
+    let which = match n_drawn == n_trained {
+        true => format!("All {n_trained} frames"),
+        false => format!("{n_drawn} of the {n_trained} frames, evenly taken,"),
     };
     let caption = format!(
         "{which} in the first {n_shown} of {n_dims} dimensions, each dot with the colour of its most probable kind. Numbers \
@@ -56,9 +56,9 @@ pub fn embedding(model: &Model) -> Figure {
 
 impl<'a> Points<'a> {
     fn of(model: &'a Model) -> Self {
-        let n_frames = model.manifest().n_frames;
-        let n_drawn = n_frames.min(N_POINTS_MAX);
-        let frames: Vec<usize> = (0..n_drawn).map(|index| index * n_frames / n_drawn).collect();
+        let n_trained = model.manifest().n_trained;
+        let n_drawn = n_trained.min(N_POINTS_MAX);
+        let frames: Vec<usize> = (0..n_drawn).map(|index| index * n_trained / n_drawn).collect();
         let n_dims = model.manifest().n_dims;
         let places: Vec<&[f64]> =
             frames.iter().map(|frame| &model.coordinates()[frame * n_dims..][..n_dims]).collect();

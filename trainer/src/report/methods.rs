@@ -51,7 +51,7 @@ pub fn method_table(models: &[(&str, &Model)]) -> Table {
     table
 }
 
-/// Adjusted mutual information between the kinds that two models have for the same reference frames: 1 if they are the
+/// Adjusted mutual information between the kinds that two models have for the same trained frames: 1 if they are the
 /// same by other names, 0 if no more alike than by chance.
 ///
 /// # Panics

@@ -96,10 +96,10 @@ pub fn add_trips(page: &mut Page, n_kinds: usize, trips: &[TripKinds]) {
 
 /// Adds where and when the robot saw which kind on the trips that a model was learnt from.
 ///
-/// * `tracks` — of the reference frames, in their order
+/// * `tracks` — of the trained frames, in their order
 ///
 /// # Panics
-/// If the tracks have more or fewer frames than the model: a bug of the caller.
+/// If the tracks have more or fewer frames than the model was learnt from: a bug of the caller.
 pub fn add_learnt_trips(page: &mut Page, model: &Model, tracks: &[Track]) {
     let (_, kinds) = responsibilities(model);
     let mut left = &kinds[..];
@@ -111,7 +111,7 @@ pub fn add_learnt_trips(page: &mut Page, model: &Model, tracks: &[Track]) {
             track.with_kinds(of_trip)
         })
         .collect();
-    assert!(left.is_empty(), "every reference frame is of one of the trips");
+    assert!(left.is_empty(), "every trained frame is of one of the trips");
     add_trips(page, model.mixture().n_kinds(), &trips);
 }
 
@@ -140,7 +140,8 @@ pub fn method_name(model: &Model) -> &'static str {
 }
 
 fn facts(model: &Model) -> Vec<(&'static str, String)> {
-    let FitPlan { sensor, response, metric, method, n_landmarks, em, seed, .. } = &model.manifest().plan;
+    let FitPlan { sensor, response, metric, method, consecutive_edges, n_landmarks, em, seed, .. } =
+        &model.manifest().plan;
     let n_neighbors = model.manifest().n_neighbors;
     let n_dims = model.manifest().n_dims;
     let Provenance { made_by, origin, .. } = &model.manifest().provenance;
@@ -150,6 +151,9 @@ fn facts(model: &Model) -> Vec<(&'static str, String)> {
         Scale::Inverse => format!("1 / (range + {} m)", response.offset_m),
     };
     let how = match method {
+        Method::Isomap if *consecutive_edges => format!(
+            "{n_neighbors} neighbours and those before and after in time, {n_landmarks} landmarks, {n_dims} dimensions"
+        ),
         Method::Isomap => format!("{n_neighbors} neighbours, {n_landmarks} landmarks, {n_dims} dimensions"),
         Method::Pca => format!("{n_landmarks} landmarks, {n_dims} dimensions"),
         Method::Native => format!("the readings as they are, {n_dims} dimensions"),
@@ -161,7 +165,7 @@ fn facts(model: &Model) -> Vec<(&'static str, String)> {
     let mut facts = vec![
         ("model", model.id().to_string()),
         ("learnt from", trips),
-        ("frames", model.manifest().n_frames.to_string()),
+        ("frames", frames_in_words(model)),
         ("sensor", sensor.to_string()),
         ("compared on", format!("{scale}, up to {:.2} m", response.range_m_max)),
         ("compared by", metric.to_string()),
@@ -171,6 +175,17 @@ fn facts(model: &Model) -> Vec<(&'static str, String)> {
     ];
     facts.extend(model.commands().map(|scale| ("commands", scale.to_string())));
     facts
+}
+
+fn frames_in_words(model: &Model) -> String {
+    let Manifest { n_trained, n_frames, provenance, .. } = model.manifest();
+    match model.references().is_all() {
+        true => n_trained.to_string(),
+        false => format!(
+            "{n_trained}; the model keeps {n_frames} that cover them: none is farther than {:.0} counts from the nearest",
+            provenance.covering_radius
+        ),
+    }
 }
 
 fn shape_in_words(covariance: Covariance) -> &'static str {

@@ -22,6 +22,17 @@ use crate::track::Track;
 
 /// A model of a robot that goes from place to place, over and over: 120 frames in one, 80 and 40 in others.
 fn model(sensor: SensorLayout, scale: Scale, n_dims: usize, n_kinds: usize) -> Model {
+    model_keeping(usize::MAX, sensor, scale, n_dims, n_kinds)
+}
+
+/// The same, learnt from all 240 frames, but with only so many for reference.
+fn model_keeping(
+    n_frames_max: usize,
+    sensor: SensorLayout,
+    scale: Scale,
+    n_dims: usize,
+    n_kinds: usize,
+) -> Model {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let mut counts = Vec::new();
     for index in 0..240 {
@@ -36,8 +47,10 @@ fn model(sensor: SensorLayout, scale: Scale, n_dims: usize, n_kinds: usize) -> M
         sensor,
         response: ResponsePlan::new(scale, 4.0),
         metric: MetricPlan::Euclidean,
+        n_frames_max,
         method: Method::Isomap,
         n_neighbors: Some(8),
+        consecutive_edges: false,
         n_landmarks: 60,
         landmark_choice: LandmarkChoice::Random,
         n_dims: Some(n_dims),
@@ -50,6 +63,11 @@ fn model(sensor: SensorLayout, scale: Scale, n_dims: usize, n_kinds: usize) -> M
 
 fn ring() -> Model {
     model(SensorLayout { rows: 2, columns: 8, metres_per_count: 0.001 }, Scale::Inverse, 3, 3)
+}
+
+/// [`ring`] with a quarter of its frames for reference.
+fn thinned_ring() -> Model {
+    model_keeping(60, ring().layout(), Scale::Inverse, 3, 3)
 }
 
 fn camera() -> Model {
@@ -342,15 +360,56 @@ fn the_page_of_a_training_and_its_evaluation_has_every_section_and_figure_once()
 }
 
 #[test]
-fn the_kinds_of_the_reference_frames_are_dealt_to_the_trips_that_they_came_from() {
-    let model = ring();
+fn a_model_that_keeps_some_frames_says_how_many_and_how_well_they_cover_the_others() {
+    let thinned = thinned_ring();
+    let mut page = Page::new("Kinds");
+    add_model(&mut page, &thinned, None, &[]);
+    let html = page.to_html();
+    let document = parse(&html);
+    let values: Vec<&str> = document
+        .descendants()
+        .filter(|node| node.has_tag_name("dd"))
+        .filter_map(|node| node.text())
+        .collect();
+    let radius = thinned.manifest().provenance.covering_radius;
+    assert_eq!(
+        values[2],
+        format!(
+            "240; the model keeps 60 that cover them: none is farther than {radius:.0} counts from the nearest"
+        )
+    );
+    assert!(radius > 0.0);
+}
+
+#[test]
+fn neighbours_in_time_are_told_beside_the_others() {
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let counts = (0..80 * 16).map(|_| random.random_range(500..3000)).collect();
+    let asked = ring().manifest().plan.clone();
+    let plan = FitPlan { consecutive_edges: true, n_kinds: Some(1), ..asked };
+    let tied = fit(counts, &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
+    let mut page = Page::new("Kinds");
+    add_model(&mut page, &tied, None, &[]);
+    let expected =
+        "<dd>Isomap: 8 neighbours and those before and after in time, 60 landmarks, 3 dimensions</dd>";
+    assert!(page.to_html().contains(expected), "{}", page.to_html());
+}
+
+#[test]
+fn the_kinds_of_the_trained_frames_are_dealt_to_the_trips_that_they_came_from() {
+    for model in [ring(), thinned_ring()] {
+        check_that_kinds_are_dealt_to_trips(&model);
+    }
+}
+
+fn check_that_kinds_are_dealt_to_trips(model: &Model) {
     let track = |title: &str, n_frames: usize| Track {
         title: title.to_string(),
         seconds: (0..n_frames).map(|index| index as f64).collect(),
         poses: vec![at(1.0, 2.0); n_frames],
     };
     let mut page = Page::new("Kinds");
-    add_learnt_trips(&mut page, &model, &[track("one", 100), track("two", 140)]);
+    add_learnt_trips(&mut page, model, &[track("one", 100), track("two", 140)]);
     let files = page.files();
     let csv = &files.iter().find(|file| file.name == "time.csv").unwrap().contents;
     let mut probabilities = [0.0; 3];

@@ -16,9 +16,13 @@ pub fn canonical_views(model: &Model) -> Figure {
         true => rays::draw(layout, &views),
         false => depth::draw(layout, &views),
     };
+    let frame = match model.references().is_all() {
+        true => "frame",
+        false => "frame (seen as the reference frame nearest to it)",
+    };
     let scale = scale_in_words(&views.unit, &model.manifest().plan.response);
     let caption = format!(
-        "{how} The mean weighs every reference frame with its probability of being of the kind, the medoid is the real frame of \
+        "{how} The mean weighs every {frame} with its probability of being of the kind, the medoid is the real frame of \
          the kind that is nearest to it. {scale}"
     );
     let csv = table(unit, layout, &views);

@@ -148,11 +148,16 @@ fn an_embedding_of_few_dimensions_has_fewer_projections() {
 #[test]
 fn canonical_views_are_weighted_means_and_spreads_and_medoids_are_of_their_kind() {
     // More kinds than places: kinds overlap, and frames are shared.
-    const N_KINDS: usize = 8;
-    let model =
-        model(SensorLayout { rows: 1, columns: 6, metres_per_count: 0.001 }, Scale::Range, 3, N_KINDS);
+    check_canonical_views(usize::MAX, 8);
+    check_canonical_views(80, 5);
+}
+
+fn check_canonical_views(n_frames_max: usize, n_kinds: usize) {
+    let sensor = SensorLayout { rows: 1, columns: 6, metres_per_count: 0.001 };
+    let model = model_keeping(n_frames_max, sensor, Scale::Range, 3, n_kinds);
+    let references = model.references();
     let views = canonical::Views::of(&model);
-    let mut weights = vec![[0.0; N_KINDS]; 240];
+    let mut weights = vec![vec![0.0; n_kinds]; 240];
     for (place, weights) in model.coordinates().chunks_exact(3).zip(&mut weights) {
         model.mixture().posterior(place, weights);
     }
@@ -160,8 +165,11 @@ fn canonical_views_are_weighted_means_and_spreads_and_medoids_are_of_their_kind(
         let total: f64 = weights.iter().map(|weights| weights[kind]).sum();
         assert!((view.share - total / 240.0).abs() < 1e-6, "{}", view.share);
         assert_eq!(most_probable(&weights[view.medoid_frame]), kind);
+        assert!(references.indices().contains(&(view.medoid_frame as u32)));
         for reading in 0..6 {
-            let range_m = |frame: usize| f64::from(model.frames().row(frame)[reading]) * 0.001;
+            // A frame that is not kept is seen as the one that stands for it.
+            let row = |frame: usize| model.frames().row(references.nearest()[frame] as usize);
+            let range_m = |frame: usize| f64::from(row(frame)[reading]) * 0.001;
             let weighted = |value: &dyn Fn(usize) -> f64| {
                 (0..240).map(|frame| weights[frame][kind] * value(frame)).sum::<f64>() / total
             };
@@ -229,7 +237,7 @@ fn captions_say_how_to_read_a_figure_and_what_it_shows() {
     );
     check(
         embedding(&ring),
-        "All 240 reference frames in the first 3 of 3 dimensions, each dot with the colour of its most probable kind. Numbers stand at the means of the kinds. Frames near each other looked alike to the robot.",
+        "All 240 frames in the first 3 of 3 dimensions, each dot with the colour of its most probable kind. Numbers stand at the means of the kinds. Frames near each other looked alike to the robot.",
     );
     check(
         path(),
@@ -243,12 +251,20 @@ fn captions_say_how_to_read_a_figure_and_what_it_shows() {
         consistency(&evaluation()),
         "Dot: share of the frames of the first trip, among those that the second came within 0.3 m of, where more than 50 % of the second trip's frames nearby have the same kind. Upright line: the same by chance, which is what remains when the second trip's kinds are shifted in time. κ is the way from chance to perfection. All at 8 dimensions and 5 kinds.",
     );
-    let scale = "The mean weighs every reference frame with its probability of being of the kind, the medoid is the real frame of the kind that is nearest to it. Means are taken on the scale on which frames are compared and mapped back to metres; readings beyond 4 m stand for 4 m, invalid ones for 4 m.";
+    let scale = "The mean weighs every frame with its probability of being of the kind, the medoid is the real frame of the kind that is nearest to it. Means are taken on the scale on which frames are compared and mapped back to metres; readings beyond 4 m stand for 4 m, invalid ones for 4 m.";
     check(
         canonical_views(&ring),
         &format!(
             "Seen from above, ahead is upwards. Left: mean reading of each sensor (the kind's colour; the second row of sensors is dashed), one standard deviation around it (grey), medoid (dotted). Right: mean less that of all frames, outwards from the circle where the kind sees farther, inwards where it sees nearer. Drawn as if the first reading looked ahead and the others followed counter-clockwise at equal angles. {scale}"
         ),
+    );
+    let thinned = canonical_views(&thinned_ring());
+    assert!(
+        thinned.caption().contains(
+            " The mean weighs every frame (seen as the reference frame nearest to it) with its probability of being of the kind, "
+        ),
+        "{}",
+        thinned.caption()
     );
     check(
         canonical_views(&camera()),
