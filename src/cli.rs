@@ -8,7 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use kinds_driver_shim::Pace;
 use kinds_driver_shim::simulated::Floor;
 use kinds_messages::{Domain, SensorName};
-use kinds_model::{Covariance, LandmarkChoice, Scale};
+use kinds_model::{Covariance, KindsBy, LandmarkChoice, Scale, StartsOn};
 use kinds_trainer::{CommandsConfig, Config, LandmarkNumber, MethodChoice, MetricChoice};
 use kinds_trips::Selection;
 
@@ -148,12 +148,18 @@ pub(crate) struct TrainArguments {
     /// Kinds to find, 1 to 64 [default: chosen by evidence from 1 to 20; `kinds inspect` shows it]
     #[arg(long, value_name = "N")]
     kinds: Option<usize>,
+    /// What the number of kinds is chosen by [default: bic-neff]
+    #[arg(long, value_enum, value_name = "HOW")]
+    kinds_by: Option<KindsByName>,
     /// Shape of the kinds [default: full]
     #[arg(long, value_enum)]
     covariance: Option<CovarianceName>,
     /// Starts of the mixture [default: 10]
     #[arg(long, value_name = "N")]
     starts: Option<usize>,
+    /// Coordinates that starts cluster [default: plain]
+    #[arg(long, value_enum, value_name = "WHICH")]
+    starts_on: Option<StartsOnName>,
     /// Least variance of a kind in any direction, as a share of the mean variance [default: 0.001]
     #[arg(long, value_name = "SHARE")]
     covariance_floor: Option<f64>,
@@ -353,6 +359,26 @@ enum CovarianceName {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+enum KindsByName {
+    /// The least BIC, for as many frames as are independent
+    BicNeff,
+    /// The likeliest for stretches of the trip that were held out
+    HeldOut,
+    /// How many a Dirichlet process keeps, for as many frames as are independent
+    Dirichlet,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum StartsOnName {
+    /// Those that there are
+    Plain,
+    /// Scaled to unit variance in every direction
+    Whitened,
+    /// The one and the other in turn: worth a try for cameras
+    Both,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum LandmarkChoiceName {
     /// Any frames, each as likely
     Random,
@@ -392,6 +418,11 @@ impl TrainArguments {
             }),
             dims: self.dims,
             kinds: self.kinds,
+            kinds_by: self.kinds_by.map(|name| match name {
+                KindsByName::BicNeff => KindsBy::BicNeff,
+                KindsByName::HeldOut => KindsBy::HeldOut,
+                KindsByName::Dirichlet => KindsBy::Dirichlet,
+            }),
             covariance: self.covariance.map(|name| match name {
                 CovarianceName::Full => Covariance::Full,
                 CovarianceName::Tied => Covariance::Tied,
@@ -399,6 +430,11 @@ impl TrainArguments {
                 CovarianceName::Spherical => Covariance::Spherical,
             }),
             starts: self.starts,
+            starts_on: self.starts_on.map(|name| match name {
+                StartsOnName::Plain => StartsOn::Plain,
+                StartsOnName::Whitened => StartsOn::Whitened,
+                StartsOnName::Both => StartsOn::Both,
+            }),
             covariance_floor: self.covariance_floor,
             seed: self.seed,
             metres_per_count: self.reading.metres_per_count,

@@ -3,15 +3,16 @@
 //! Frames of a trip are not independent, and Schwarz' criterion takes them to be: on trips it asks for ever more kinds. So
 //! the sum over N frames is taken for that over the N_eff of them that are as good as independent
 //! ([`crate::autocorrelation`]): `BIC_neff = −2 (N_eff / N) ln L + κ ln N_eff`. The number with the least is taken.
+//! The other way to one is a Dirichlet process ([`crate::em::dirichlet`]), which needs no trials.
 //!
 //! Beside it stands the likelihood of contiguous blocks that a mixture was not fitted to, as a second opinion and not as the
-//! judge: what a trip saw once is in few blocks, so that it moves with where these begin. Random frames would not do at all: each has the
+//! judge, unless a plan makes it that: what a trip saw once is in few blocks, so that it moves with where these begin. Random frames would not do at all: each has the
 //! next one, nearly itself, among those that the mixture was fitted to.
 
 use rayon::prelude::*;
 
 use crate::em::{EmError, EmFit, EmPlan, Points, fit_points, floor_variance};
-use crate::model::KindsTrial;
+use crate::model::{DirichletTrial, KindsTrial};
 use crate::tally::Tally;
 
 /// Most kinds that are tried.
@@ -69,6 +70,21 @@ pub fn best_by_held_out(trials: &[KindsTrial]) -> Option<&KindsTrial> {
     trials.iter().reduce(|best, trial| if trial.held_out > best.held_out { trial } else { best })
 }
 
+/// The start of a Dirichlet process that ended with the highest bound, of equals that which began with the fewest kinds.
+pub fn best_by_bound(trials: &[DirichletTrial]) -> Option<&DirichletTrial> {
+    highest_bound(trials.iter())
+}
+
+/// The best of the starts that ended with another number of kinds than the best.
+pub fn runner_up_by_bound(trials: &[DirichletTrial]) -> Option<&DirichletTrial> {
+    let best = best_by_bound(trials)?.n_kinds;
+    highest_bound(trials.iter().filter(|trial| trial.n_kinds != best))
+}
+
+fn highest_bound<'a>(trials: impl Iterator<Item = &'a DirichletTrial>) -> Option<&'a DirichletTrial> {
+    trials.reduce(|best, trial| if trial.lower_bound > best.lower_bound { trial } else { best })
+}
+
 /// For fits without a fold. There are four of them whose mean is taken, so that each may be worse.
 fn quick(plan: &EmPlan) -> EmPlan {
     EmPlan {
@@ -95,11 +111,12 @@ struct Scan<'a> {
 impl Scan<'_> {
     fn try_one(&self, n_kinds: usize, tally: &Tally) -> Result<KindsTrial, EmError> {
         let all = self.fit(self.points, n_kinds, self.plan, tally);
-        let folds: Vec<Result<f64, EmError>> =
+        let folds: Vec<Result<HeldOut, EmError>> =
             (0..N_FOLDS).into_par_iter().map(|fold| self.held_out(fold, n_kinds, tally)).collect();
-        let held_out: f64 = folds.into_iter().sum::<Result<f64, EmError>>()?;
-        let EmFit { log_likelihoods, .. } = all?;
-        let log_likelihood = log_likelihoods[log_likelihoods.len() - 1];
+        let folds = folds.into_iter().collect::<Result<Vec<HeldOut>, EmError>>()?;
+        let held_out: f64 = folds.iter().map(|fold| fold.log_likelihood).sum();
+        let all = all?;
+        let log_likelihood = all.log_likelihood();
         let (n, n_effective) = (self.points.n() as f64, self.n_frames_effective);
         let n_parameters = self.plan.covariance.n_parameters(n_kinds, self.points.n_dims) as f64;
         Ok(KindsTrial {
@@ -109,6 +126,8 @@ impl Scan<'_> {
             caic: -2.0 * log_likelihood + n_parameters * (n.ln() + 1.0),
             bic_neff: -2.0 * n_effective / n * log_likelihood + n_parameters * n_effective.ln(),
             held_out: held_out / n,
+            n_starts_collapsed: all.n_starts_collapsed
+                + folds.iter().map(|fold| fold.n_starts_collapsed).sum::<usize>(),
         })
     }
 
@@ -118,8 +137,8 @@ impl Scan<'_> {
         fit
     }
 
-    /// ln likelihood of a fold's frames under a mixture fitted to the others, nats.
-    fn held_out(&self, fold: usize, n_kinds: usize, tally: &Tally) -> Result<f64, EmError> {
+    /// A fold's frames under a mixture fitted to the others.
+    fn held_out(&self, fold: usize, n_kinds: usize, tally: &Tally) -> Result<HeldOut, EmError> {
         let Points { n_dims, coordinates } = self.points;
         let n_frames = self.points.n();
         let (mut kept, mut out) = (Vec::with_capacity(coordinates.len()), Vec::new());
@@ -129,6 +148,15 @@ impl Scan<'_> {
         }
         let fit = self.fit(Points { n_dims, coordinates: &kept }, n_kinds, &self.quick, tally)?;
         let mut probabilities = vec![0.0; n_kinds];
-        Ok(out.chunks_exact(n_dims).map(|place| fit.mixture.posterior(place, &mut probabilities)).sum())
+        let log_likelihood =
+            out.chunks_exact(n_dims).map(|place| fit.mixture.posterior(place, &mut probabilities)).sum();
+        Ok(HeldOut { log_likelihood, n_starts_collapsed: fit.n_starts_collapsed })
     }
+}
+
+/// What came of holding out a fold.
+struct HeldOut {
+    /// ln likelihood of its frames, nats.
+    log_likelihood: f64,
+    n_starts_collapsed: usize,
 }

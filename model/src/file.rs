@@ -377,7 +377,7 @@ mod tests {
     use crate::frames::SensorLayout;
     use crate::metric::MetricPlan;
     use crate::model::Origin;
-    use crate::plan::{FitPlan, LandmarkChoice};
+    use crate::plan::{FitPlan, KindsBy, LandmarkChoice};
     use crate::response::{ResponsePlan, Scale};
 
     /// Thirty frames of two trips.
@@ -394,6 +394,7 @@ mod tests {
             landmark_choice: LandmarkChoice::Random,
             n_dims: Some(2),
             n_kinds: Some(2),
+            kinds_by: KindsBy::BicNeff,
             em: EmPlan::new(0),
             seed: 0,
         };

@@ -1,15 +1,15 @@
 //! Fits a model to the frames of a trip: response, neighbours, graph, geodesics, scaling, mixture, in this order.
 
-use crate::autocorrelation::n_frames_effective;
+mod kinds;
+
+use self::kinds::find_kinds;
 use crate::command::{CommandScale, Commands, mean_squared_distance, with_metric};
-use crate::em::{EmError, EmFit, fit_mixture};
-use crate::evidence::{N_FITS, best_by_bic_neff, try_kinds};
+use crate::em::EmError;
 use crate::frames::Frames;
 use crate::learnt::Source;
 use crate::locate::Located;
 use crate::mds::MdsError;
 use crate::metric::{MetricError, MetricPlan};
-use crate::mixture::{Mixture, most_probable};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
 use crate::plan::{FitPlan, LandmarkChoice, Method};
 use crate::response::{Response, ResponseError};
@@ -262,10 +262,10 @@ fn fit_source(
         squared_radii,
     } = located?;
     let (n_frames, n_dims) = (frames.n_frames(), coordinates.len() / n_trained);
-    let em = find_kinds(&coordinates, n_dims, plan, &mut provenance, progress)?;
+    let mixture = find_kinds(&coordinates, n_dims, plan, &mut provenance, progress)?;
 
     let plan = FitPlan { n_landmarks: plan.n_landmarks.min(n_frames), ..plan.clone() };
-    let n_kinds = em.mixture.n_kinds();
+    let n_kinds = mixture.n_kinds();
     let format = crate::file::FORMAT;
     let manifest =
         Manifest { format, plan, commands, n_trained, n_frames, n_neighbors, n_dims, n_kinds, provenance };
@@ -280,7 +280,7 @@ fn fit_source(
         geodesics,
         embedding,
         coordinates: coordinates.into(),
-        mixture: em.mixture,
+        mixture,
         squared_radii: squared_radii.into(),
     };
     model.id = crate::file::id_of(&model);
@@ -334,51 +334,4 @@ fn check_native(plan: &FitPlan, n_frames: usize) -> Result<(), FitError> {
         MetricPlan::Euclidean => Ok(()),
         _ => Err(FitError::NativeMetric { metric: plan.metric.to_string() }),
     }
-}
-
-/// Fits the mixture, of as many kinds as the plan asks for or the evidence speaks for.
-fn find_kinds(
-    coordinates: &[f64],
-    n_dims: usize,
-    plan: &FitPlan,
-    provenance: &mut Provenance,
-    progress: &mut Progress,
-) -> Result<EmFit, FitError> {
-    let n_trained = coordinates.len() / n_dims;
-    let trips = provenance.origin.trips(n_trained);
-    provenance.n_frames_effective = n_frames_effective(coordinates, n_dims, &trips);
-
-    let n_tried = if plan.n_kinds.is_none() { N_FITS } else { 0 };
-    let n_fits = n_tried + plan.em.n_starts;
-    progress(Step::Kinds, 0, n_fits);
-    let n_kinds = match plan.n_kinds {
-        Some(n_kinds) => n_kinds,
-        None => {
-            let mut done = |n_done| progress(Step::Kinds, n_done, n_fits);
-            let trials = try_kinds(coordinates, n_dims, provenance.n_frames_effective, &plan.em, &mut done)?;
-            provenance.kinds_tried = trials;
-            best_by_bic_neff(&provenance.kinds_tried).expect("one kind is tried at least").n_kinds
-        }
-    };
-    let mut done = |n_done| progress(Step::Kinds, n_tried + n_done, n_fits);
-    let em = fit_mixture(coordinates, n_dims, n_kinds, &plan.em, &mut done)?;
-    provenance.log_likelihood = em.log_likelihoods[em.log_likelihoods.len() - 1];
-    provenance.bic = -2.0 * provenance.log_likelihood
-        + plan.em.covariance.n_parameters(n_kinds, n_dims) as f64 * (n_trained as f64).ln();
-    provenance.n_iterations = em.log_likelihoods.len() - 1;
-    provenance.converged = em.converged;
-    provenance.n_starts_collapsed = em.n_starts_collapsed;
-    provenance.largest_kind_share = largest_kind_share(coordinates, &em.mixture);
-    Ok(em)
-}
-
-fn largest_kind_share(coordinates: &[f64], mixture: &Mixture) -> f64 {
-    let mut n_frames_of = vec![0_usize; mixture.n_kinds()];
-    let mut probabilities = vec![0.0; mixture.n_kinds()];
-    for place in coordinates.chunks_exact(mixture.n_dims()) {
-        mixture.posterior(place, &mut probabilities);
-        n_frames_of[most_probable(&probabilities)] += 1;
-    }
-    let n_frames: usize = n_frames_of.iter().sum();
-    n_frames_of.into_iter().max().unwrap_or(0) as f64 / n_frames as f64
 }

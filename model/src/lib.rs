@@ -68,15 +68,16 @@ mod tally;
 
 pub use classify::{Classification, Classifier, Status};
 pub use command::{Command, CommandColumn, CommandScale, Commands};
-pub use em::{Covariance, EmPlan};
+pub use em::{Covariance, EmPlan, StartsOn};
 pub use file::ModelFileError;
 pub use fit::{FitError, Size, Step, fit, fit_with_commands, refit};
 pub use frames::{Frames, SensorLayout};
 pub use intrinsic_dims::IntrinsicDims;
 pub use metric::{MetricError, MetricPlan};
 pub use model::{
-    KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, NeighborsTrial, Origin, Provenance,
+    DirichletProvenance, DirichletTrial, KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX,
+    NeighborsTrial, Origin, Provenance,
 };
-pub use plan::{FitPlan, LandmarkChoice, Method};
+pub use plan::{FitPlan, KindsBy, LandmarkChoice, Method};
 pub use reference::ReferenceSet;
 pub use response::{Response, ResponsePlan, Scale};

@@ -80,7 +80,7 @@ pub struct Provenance {
     pub log_likelihood: f64,
     /// Schwarz' criterion `−2 ln L + κ ln N`, nats.
     pub bic: f64,
-    /// Iterations of expectation and maximisation.
+    /// Iterations of expectation and maximisation, or of the Dirichlet process.
     pub n_iterations: usize,
     /// Whether these converged.
     pub converged: bool,
@@ -88,10 +88,12 @@ pub struct Provenance {
     pub n_starts_collapsed: usize,
     /// N_eff: trained frames that are as good as independent of each other, their number by the integrated autocorrelation time.
     pub n_frames_effective: f64,
-    /// Share of the reference frames whose most probable kind is that of the most frames: near 1, kinds tell nothing apart.
+    /// Share of the trained frames that are most probably of the largest kind: one giant kind is consistent and useless.
     pub largest_kind_share: f64,
-    /// What speaks for each number of kinds, 1, 2, …; empty where the number was given.
+    /// What speaks for each number of kinds, 1, 2, …; empty where the number was given, or found by a Dirichlet process.
     pub kinds_tried: Vec<KindsTrial>,
+    /// How a Dirichlet process found the kinds, where it did.
+    pub dirichlet: Option<DirichletProvenance>,
 }
 
 /// A number of neighbours that was tried, and what speaks for it.
@@ -128,6 +130,32 @@ pub struct KindsTrial {
     pub bic_neff: f64,
     /// ln likelihood of frames in contiguous blocks that the mixture was not fitted to, nats per frame; higher is better.
     pub held_out: f64,
+    /// Starts given up because a kind lost its frames, in the fit to all frames and in those without some.
+    pub n_starts_collapsed: usize,
+}
+
+/// How a Dirichlet process found a model's kinds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DirichletProvenance {
+    /// Of the process: the higher, the more kinds are expected.
+    pub concentration: f64,
+    /// Independent frames of each kind, in falling order, of those that were left out because they have less than one too.
+    pub n_frames_of_kinds: Vec<f64>,
+    /// What came of starts of 1, 2, … kinds. That with the highest bound is the model's.
+    pub trials: Vec<DirichletTrial>,
+}
+
+/// What came of one start of a Dirichlet process.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DirichletTrial {
+    /// Kinds that it began with.
+    pub n_kinds_begun: usize,
+    /// Kinds that stayed.
+    pub n_kinds: usize,
+    /// Lower bound of ln evidence of the frames, as many as are independent, nats; higher is better.
+    pub lower_bound: f64,
 }
 
 /// Where the trained frames came from.

@@ -39,6 +39,21 @@ pub enum LandmarkChoice {
     KMeans,
 }
 
+/// What the number of kinds is chosen by, where none is asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum KindsBy {
+    /// The least BIC_neff of 1 to 20: see [`crate::evidence`].
+    #[default]
+    #[serde(alias = "bic_neff")]
+    BicNeff,
+    /// The highest likelihood of contiguous blocks that were held out, of 1 to 20.
+    #[serde(alias = "held_out")]
+    HeldOut,
+    /// How many a Dirichlet process keeps, whose mixture is then the model's: see [`crate::em::dirichlet`].
+    #[serde(alias = "dirichlet")]
+    Dirichlet,
+}
+
 /// What to fit: what was asked for. What came of it, a model's manifest says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -64,8 +79,10 @@ pub struct FitPlan {
     pub landmark_choice: LandmarkChoice,
     /// d. None: by evidence, two more than where the residual variance bends.
     pub n_dims: Option<usize>,
-    /// J. None: by evidence, the number with the least BIC_neff.
+    /// J. None: by evidence.
     pub n_kinds: Option<usize>,
+    /// Which evidence. Means nothing where J is given.
+    pub kinds_by: KindsBy,
     /// How kinds are found.
     pub em: EmPlan,
     /// Seed of the landmarks.

@@ -1,10 +1,13 @@
 //! Dimensions and kinds by evidence, where the truth is known.
 
 use kinds_model::autocorrelation::n_frames_effective;
-use kinds_model::evidence::{N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out, try_kinds};
+use kinds_model::em::dirichlet::{DirichletFit, fit_dirichlet, likeliest};
+use kinds_model::evidence::{
+    N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_bound, best_by_held_out, runner_up_by_bound, try_kinds,
+};
 use kinds_model::{
-    EmPlan, FitPlan, KindsTrial, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale,
-    SensorLayout, file, fit,
+    EmPlan, FitPlan, KindsBy, KindsTrial, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan,
+    Scale, SensorLayout, Size, file, fit, refit,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -56,6 +59,7 @@ fn as_they_are(n_readings: usize) -> FitPlan {
         landmark_choice: LandmarkChoice::Random,
         n_dims: None,
         n_kinds: None,
+        kinds_by: KindsBy::BicNeff,
         em: EmPlan::new(1),
         seed: 1,
     }
@@ -104,6 +108,16 @@ fn draws(n_kinds: usize, n_draws: usize) -> Vec<[f64; N_DIMS]> {
     (0..n_draws).map(draw).collect()
 }
 
+/// Every draw is looked at for a while, by a sensor that has a little noise.
+fn slow(n_kinds: usize) -> Vec<f64> {
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    draws(n_kinds, 70 * n_kinds)
+        .into_iter()
+        .flat_map(|draw| vec![draw; 12])
+        .flat_map(|draw| draw.map(|place| place + 50.0 * normal(&mut random)))
+        .collect()
+}
+
 fn tried(coordinates: &[f64]) -> Vec<KindsTrial> {
     let n_effective = n_frames_effective(coordinates, N_DIMS, &[coordinates.len() / N_DIMS]);
     try_kinds(coordinates, N_DIMS, n_effective, &EmPlan::new(1), &mut |_| ()).unwrap()
@@ -126,16 +140,35 @@ fn kinds_far_apart_are_counted_right_by_all_evidence_where_frames_are_independen
 #[test]
 fn kinds_far_apart_are_counted_right_on_a_slow_trip_where_plain_bic_goes_to_its_cap() {
     for n_kinds in [3, 5, 8] {
-        // Every draw is looked at for a while, by a sensor that has a little noise.
-        let mut random = ChaCha8Rng::seed_from_u64(7);
-        let slow: Vec<f64> = draws(n_kinds, 70 * n_kinds)
-            .into_iter()
-            .flat_map(|draw| vec![draw; 12])
-            .flat_map(|draw| draw.map(|place| place + 50.0 * normal(&mut random)))
-            .collect();
-        let trials = tried(&slow);
+        let trials = tried(&slow(n_kinds));
         assert_eq!(best_by_bic_neff(&trials).unwrap().n_kinds, n_kinds);
         assert_eq!(best_by_bic(&trials), N_KINDS_TRIED_MAX);
+    }
+}
+
+fn by_dirichlet(coordinates: &[f64], n_effective: f64) -> DirichletFit {
+    let fits = fit_dirichlet(coordinates, N_DIMS, n_effective, &EmPlan::new(1), &mut |_| ()).unwrap();
+    likeliest(fits).unwrap()
+}
+
+#[test]
+fn a_dirichlet_process_counts_kinds_far_apart_right_where_frames_are_independent() {
+    for n_kinds in [3, 5, 8] {
+        let fit = by_dirichlet(&draws(n_kinds, 1200).concat(), 1200.0);
+        assert_eq!(fit.mixture.n_kinds(), n_kinds, "{:?}", fit.n_frames_of_kinds);
+        assert!(fit.converged && fit.mixture.weights().is_sorted_by(|a, b| a >= b));
+    }
+}
+
+#[test]
+fn a_dirichlet_process_counts_right_on_a_slow_trip_where_frames_that_all_count_would_make_more() {
+    for n_kinds in [3, 5, 8] {
+        let slow = slow(n_kinds);
+        let n_frames = slow.len() / N_DIMS;
+        let fit = by_dirichlet(&slow, n_frames_effective(&slow, N_DIMS, &[n_frames]));
+        assert_eq!(fit.mixture.n_kinds(), n_kinds, "{:?}", fit.n_frames_of_kinds);
+        let n_found = by_dirichlet(&slow, n_frames as f64).mixture.n_kinds();
+        assert!(n_found > n_kinds, "{n_found} instead of {n_kinds}");
     }
 }
 
@@ -187,6 +220,39 @@ fn a_model_says_what_was_tried_and_has_the_best() {
     let given = fitted(three_places(180), &FitPlan { n_kinds: Some(4), ..as_they_are(6) });
     assert_eq!((given.mixture().n_kinds(), given.manifest().provenance.kinds_tried.len()), (4, 0));
     assert_eq!(given.manifest().provenance.n_frames_effective, n_effective);
+}
+
+#[test]
+fn the_number_of_kinds_is_chosen_by_what_the_plan_names() {
+    let model = |kinds_by| fitted(three_places(180), &FitPlan { kinds_by, ..as_they_are(6) });
+    let held_out = model(KindsBy::HeldOut);
+    let tried = &held_out.manifest().provenance.kinds_tried;
+    assert_eq!(held_out.mixture().n_kinds(), best_by_held_out(tried).unwrap().n_kinds);
+    assert_eq!(held_out.manifest().provenance.dirichlet, None);
+
+    let found = model(KindsBy::Dirichlet);
+    let provenance = &found.manifest().provenance;
+    let process = provenance.dirichlet.as_ref().unwrap();
+    let best = best_by_bound(&process.trials).unwrap();
+    assert_eq!((found.mixture().n_kinds(), found.manifest().n_kinds), (best.n_kinds, best.n_kinds));
+    assert_eq!((provenance.kinds_tried.len(), process.concentration), (0, 1.0));
+    let begun: Vec<usize> = process.trials.iter().map(|trial| trial.n_kinds_begun).collect();
+    assert_eq!(begun, (1..=N_KINDS_TRIED_MAX).collect::<Vec<_>>());
+    let other = runner_up_by_bound(&process.trials).unwrap();
+    assert!(other.n_kinds != best.n_kinds && other.lower_bound < best.lower_bound, "{other:?} {best:?}");
+    let n_frames: f64 = process.n_frames_of_kinds.iter().sum();
+    assert!((n_frames - provenance.n_frames_effective).abs() < 1e-9, "{n_frames}");
+    // Asked for as many, it is a mixture like any other.
+    let again = refit(&found, Method::Isomap, Size::Matched, &mut |_, _, _| ()).unwrap();
+    assert_eq!(again.mixture().n_kinds(), best.n_kinds);
+    assert_eq!(again.manifest().provenance.dirichlet, None);
+}
+
+#[test]
+fn the_largest_kinds_share_is_that_of_the_frames_most_probably_its() {
+    let model = fitted(three_places(180), &FitPlan { n_kinds: Some(3), ..as_they_are(6) });
+    // Fifteen frames in each of three places in turn.
+    assert_eq!(model.manifest().provenance.largest_kind_share, 1.0 / 3.0);
 }
 
 #[test]

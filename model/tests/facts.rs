@@ -5,9 +5,9 @@ use std::sync::Arc;
 use bytes::Bytes;
 use kinds_model::metric::{Euclidean, Metric};
 use kinds_model::{
-    Classifier, Command, Commands, Covariance, EmPlan, FitError, FitPlan, Frames, LandmarkChoice, Method,
-    MetricPlan, Model, ModelFileError, Origin, ResponsePlan, Scale, SensorLayout, Size, Status, file, fit,
-    fit_with_commands, refit,
+    Classifier, Command, Commands, Covariance, EmPlan, FitError, FitPlan, Frames, KindsBy, LandmarkChoice,
+    Method, MetricPlan, Model, ModelFileError, Origin, ResponsePlan, Scale, SensorLayout, Size, Status, file,
+    fit, fit_with_commands, refit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -46,6 +46,7 @@ fn plan(method: Method) -> FitPlan {
         landmark_choice: LandmarkChoice::Random,
         n_dims: Some(3),
         n_kinds: Some(3),
+        kinds_by: KindsBy::BicNeff,
         em: EmPlan::new(1),
         seed: 1,
     }

@@ -5,6 +5,7 @@
 
 use std::path::Path;
 
+use kinds_model::em::dirichlet::{N_FRAMES_OF_KIND_MIN, fit_dirichlet_from};
 use kinds_model::em::{fit_mixture, fit_mixture_from};
 use kinds_model::geodesics::Geodesics;
 use kinds_model::graph::{Edge, Graph};
@@ -14,8 +15,8 @@ use kinds_model::mixture::{Mixture, most_probable};
 use kinds_model::neighbors::nearest_of_each;
 use kinds_model::residual_variance::{elbow, residual_variance};
 use kinds_model::{
-    Covariance, EmPlan, FitPlan, Frames, LandmarkChoice, Method, MetricPlan, Origin, ResponsePlan, Scale,
-    SensorLayout, fit,
+    Covariance, EmPlan, FitPlan, Frames, KindsBy, LandmarkChoice, Method, MetricPlan, Origin, ResponsePlan,
+    Scale, SensorLayout, fit,
 };
 use safetensors::SafeTensors;
 
@@ -275,6 +276,7 @@ fn digits_plan(method: Method) -> FitPlan {
         landmark_choice: LandmarkChoice::Random,
         n_dims: Some(8),
         n_kinds: Some(10),
+        kinds_by: KindsBy::BicNeff,
         em: EmPlan::new(0),
         seed: 0,
     }
@@ -428,4 +430,38 @@ fn em_on_iris_takes_scikit_learns_steps_and_reaches_its_fixpoint() {
 fn em_on_digits_takes_scikit_learns_steps_and_reaches_its_fixpoint() {
     let golden = Golden::open("digits");
     check_em(&golden, "pca/mixture5", &golden.f32s("pca/coordinates"), 8);
+}
+
+#[test]
+fn a_dirichlet_process_on_iris_takes_scikit_learns_steps_and_reaches_its_fixpoint() {
+    let golden = Golden::open("iris");
+    let array = |name: &str| golden.f64s(&format!("dirichlet6/{name}"));
+    let n_frames = array("n_frames");
+    let mut responsibilities = vec![0.0; n_frames.len() * 150];
+    for (index, kind) in golden.bytes("dirichlet6/kinds").into_iter().enumerate() {
+        responsibilities[usize::from(kind) * 150 + index] = 1.0;
+    }
+    let plan = exact(Covariance::Full);
+    let fit = fit_dirichlet_from(&golden.f64s("points"), 4, responsibilities, 150.0, &plan).unwrap();
+    assert!(fit.converged);
+    // scikit-learn's bound lacks constants, so it is compared by what it rises.
+    let rises = |bounds: &[f64]| bounds.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>();
+    let expected = array("lower_bounds");
+    for (step, (found, expected)) in
+        rises(&fit.lower_bounds[..expected.len()]).iter().zip(rises(&expected)).enumerate()
+    {
+        // Both are differences of bounds of some 1000 nats.
+        assert!((found - expected).abs() < 1e-9, "step {step}: {found} instead of {expected}");
+    }
+    for (found, expected) in fit.n_frames_of_kinds.iter().zip(&n_frames) {
+        assert!((found - expected).abs() < 1e-3, "{found} frames instead of {expected}");
+    }
+    let n_stay = n_frames.iter().filter(|n_frames| **n_frames >= N_FRAMES_OF_KIND_MIN).count();
+    assert_eq!((fit.mixture.n_kinds(), n_stay), (4, 4));
+    let sum: f64 = array("weights")[..n_stay].iter().sum();
+    let weights: Vec<f64> = array("weights")[..n_stay].iter().map(|weight| weight / sum).collect();
+    check_relative("weights", fit.mixture.weights(), &weights, 1e-5);
+    check_relative("means", fit.mixture.means(), &array("means")[..4 * n_stay], 1e-5);
+    let covariances = &array("covariances")[..16 * n_stay];
+    check_covariances("covariances", fit.mixture.covariances(), covariances);
 }

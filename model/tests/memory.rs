@@ -2,7 +2,8 @@
 //! allocator counts for all tests of one.
 
 use kinds_model::{
-    EmPlan, FitPlan, LandmarkChoice, Method, MetricPlan, Origin, ResponsePlan, Scale, SensorLayout, fit,
+    EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Origin, ResponsePlan, Scale, SensorLayout,
+    fit,
 };
 use peak_alloc::PeakAlloc;
 use rand::RngExt;
@@ -43,6 +44,7 @@ fn held(n_frames: usize, n_landmarks: usize, method: Method) -> usize {
         landmark_choice: LandmarkChoice::Random,
         n_dims: None,
         n_kinds: Some(4),
+        kinds_by: KindsBy::BicNeff,
         em: EmPlan { n_starts: 2, ..EmPlan::new(0) },
         seed: 0,
     };

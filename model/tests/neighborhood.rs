@@ -10,8 +10,8 @@ use kinds_model::neighborhood::{
 };
 use kinds_model::neighbors::{NeighborLists, nearest_of_each};
 use kinds_model::{
-    EmPlan, FitPlan, Frames, LandmarkChoice, Method, MetricPlan, Model, NeighborsTrial, Origin, ResponsePlan,
-    Scale, SensorLayout, file, fit,
+    EmPlan, FitPlan, Frames, KindsBy, LandmarkChoice, Method, MetricPlan, Model, NeighborsTrial, Origin,
+    ResponsePlan, Scale, SensorLayout, file, fit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -228,6 +228,7 @@ fn as_they_are(landmark_choice: LandmarkChoice, n_neighbors: Option<usize>) -> F
         landmark_choice,
         n_dims: None,
         n_kinds: Some(2),
+        kinds_by: KindsBy::BicNeff,
         em: EmPlan::new(1),
         seed: 1,
     }

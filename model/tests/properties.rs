@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use kinds_model::{
-    Classifier, EmPlan, FitPlan, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale,
-    SensorLayout, fit,
+    Classifier, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan,
+    Scale, SensorLayout, fit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -30,6 +30,7 @@ fn plan(method: Method) -> FitPlan {
         landmark_choice: LandmarkChoice::Random,
         n_dims: Some(2),
         n_kinds: Some(3),
+        kinds_by: KindsBy::BicNeff,
         em: EmPlan::new(1),
         seed: 1,
     }

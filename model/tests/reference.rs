@@ -8,8 +8,8 @@ use kinds_model::autocorrelation::n_frames_effective;
 use kinds_model::metric::{Euclidean, Metric};
 use kinds_model::neighbors::length;
 use kinds_model::{
-    Classifier, EmPlan, FitPlan, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale,
-    SensorLayout, Size, file, fit, refit,
+    Classifier, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan,
+    Scale, SensorLayout, Size, file, fit, refit,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -48,6 +48,7 @@ fn plan(method: Method, n_frames_max: usize) -> FitPlan {
         landmark_choice: LandmarkChoice::Random,
         n_dims: Some(N_DIMS),
         n_kinds: Some(3),
+        kinds_by: KindsBy::BicNeff,
         em: EmPlan::new(1),
         seed: 1,
     }

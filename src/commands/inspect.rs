@@ -2,8 +2,9 @@
 
 use std::io::Write;
 
+use kinds_model::evidence::best_by_bound;
 use kinds_model::neighborhood::short_circuits;
-use kinds_model::{KindsTrial, LandmarkChoice, Manifest, Model, NeighborsTrial};
+use kinds_model::{DirichletProvenance, KindsTrial, LandmarkChoice, Manifest, Model, NeighborsTrial};
 use serde::Serialize;
 
 use crate::cli::InspectArguments;
@@ -96,6 +97,7 @@ fn describe(model: &Model) -> String {
                 if provenance.converged { "" } else { " (not converged)" }
             ),
         ),
+        ("largest kind", format!("{:.1} % of the frames", 100.0 * provenance.largest_kind_share)),
         (
             "largest kind",
             format!(
@@ -119,6 +121,9 @@ fn describe(model: &Model) -> String {
     }
     if !provenance.kinds_tried.is_empty() {
         text += &curve(&provenance.kinds_tried, *n_kinds);
+    }
+    if let Some(process) = &provenance.dirichlet {
+        text += &dirichlet_table(process);
     }
     text
 }
@@ -195,10 +200,11 @@ fn curve(tried: &[KindsTrial], n_kinds: usize) -> String {
     };
     let (bic, caic) = (stars(|trial| trial.bic), stars(|trial| trial.caic));
     let (bic_neff, held_out) = (stars(|trial| trial.bic_neff), stars(|trial| -trial.held_out));
-    let mut text = "\nkinds tried        BIC         CAIC     BIC_neff   held out\n".to_string();
+    let mut text =
+        "\nkinds tried        BIC         CAIC     BIC_neff   held out   starts given up\n".to_string();
     for trial in tried {
         text += &format!(
-            "{:11} {:10.1}{} {:11.1}{} {:11.1}{} {:9.3}{}{}\n",
+            "{:11} {:10.1}{} {:11.1}{} {:11.1}{} {:9.3}{} {:16}{}\n",
             trial.n_kinds,
             trial.bic,
             bic(trial),
@@ -208,8 +214,28 @@ fn curve(tried: &[KindsTrial], n_kinds: usize) -> String {
             bic_neff(trial),
             trial.held_out,
             held_out(trial),
+            trial.n_starts_collapsed,
             if trial.n_kinds == n_kinds { " ←" } else { "" },
         );
     }
     text
+}
+
+/// What came of each start of a Dirichlet process, a line each, with an arrow at the model's. The kinds of that one have as
+/// many independent frames as the last line says; those with less than one were left out.
+fn dirichlet_table(process: &DirichletProvenance) -> String {
+    let best = best_by_bound(&process.trials);
+    let mut text = "\nkinds begun with   kinds kept   lower bound\n".to_string();
+    for trial in &process.trials {
+        text += &format!(
+            "{:16} {:12} {:13.1}{}\n",
+            trial.n_kinds_begun,
+            trial.n_kinds,
+            trial.lower_bound,
+            if Some(trial) == best { " ←" } else { "" },
+        );
+    }
+    let n_frames: Vec<String> =
+        process.n_frames_of_kinds.iter().map(|n_frames| format!("{n_frames:.1}")).collect();
+    text + &format!("independent frames of each kind: {}\n", n_frames.join(" "))
 }

@@ -4,10 +4,12 @@ mod report;
 
 use std::path::{Path, PathBuf};
 
+use kinds_model::evidence::{best_by_bound, runner_up_by_bound};
 use kinds_model::neighborhood::{candidates, chosen, runner_up, short_circuits};
 use kinds_model::residual_variance::TOLERANCE;
 use kinds_model::{
-    FitPlan, IntrinsicDims, KindsTrial, Manifest, Method, MetricPlan, Model, NeighborsTrial, Scale,
+    FitPlan, IntrinsicDims, KindsBy, KindsTrial, Manifest, Method, MetricPlan, Model, NeighborsTrial,
+    Provenance, Scale,
 };
 use kinds_trainer::report::kinds_agreement;
 use kinds_trainer::{Config, MethodChoice, PcaModels, Trained};
@@ -121,13 +123,17 @@ fn read_config(path: &Path) -> Result<Config, Failure> {
 pub(crate) fn summary(model: &Model) -> String {
     let Manifest { plan, n_trained, n_dims, n_kinds, provenance, .. } = model.manifest();
     let left = provenance.residual_variance.get(n_dims - 1);
+    // What is usual need not be said.
+    let compared = match plan.metric {
+        MetricPlan::Euclidean => String::new(),
+        _ => format!(" by {}", plan.metric),
+    };
     format!(
-        "learnt {n_kinds} {} from {n_trained} frames of {} readings: {} of {} by {}{} in {n_dims} dimensions{}",
+        "learnt {n_kinds} {} from {n_trained} frames of {} readings: {} of {}{compared}{} in {n_dims} dimensions{}",
         kinds_word(*n_kinds),
         plan.sensor.n_readings(),
         method_name(plan),
         scale_name(plan.response.scale),
-        plan.metric,
         if model.commands().is_some() { " and commands" } else { "" },
         left.map(|left| format!(", residual variance {left:.4}")).unwrap_or_default(),
     )
@@ -148,16 +154,9 @@ pub(crate) fn choices(model: &Model) -> Vec<String> {
         ));
         lines.push(format!("intrinsic dimension: {}", intrinsic(&provenance.intrinsic_dims)));
     }
-    let mut tried: Vec<&KindsTrial> = provenance.kinds_tried.iter().collect();
-    tried.sort_by(|a, b| a.bic_neff.total_cmp(&b.bic_neff));
-    if let [best, second, ..] = tried[..] {
+    if let Some(choice) = kinds_choice(plan.kinds_by, provenance) {
         lines.push(format!(
-            "kinds: {n_kinds}, the least BIC_neff of 1 to {}: {:.1} nats, {:.1} less than {} kinds; {n_trained} frames \
-             count as {:.0} independent ones",
-            tried.len(),
-            best.bic_neff,
-            second.bic_neff - best.bic_neff,
-            second.n_kinds,
+            "kinds: {n_kinds}, {choice}; {n_trained} frames count as {:.0} independent ones",
             provenance.n_frames_effective,
         ));
     }
@@ -173,6 +172,43 @@ fn reference_choice(model: &Model) -> Option<String> {
              learnt from all",
             provenance.covering_radius
         )
+    })
+}
+
+/// What chose the number of kinds, and its runner-up.
+fn kinds_choice(by: KindsBy, provenance: &Provenance) -> Option<String> {
+    if let Some(process) = &provenance.dirichlet {
+        let best = best_by_bound(&process.trials)?;
+        let mut choice = format!(
+            "kept by a Dirichlet process of concentration {}: lower bound of ln evidence {:.1} nats",
+            process.concentration, best.lower_bound
+        );
+        if let Some(second) = runner_up_by_bound(&process.trials) {
+            let (more, n_kinds) = (best.lower_bound - second.lower_bound, second.n_kinds);
+            choice += &format!(", {more:.1} more than {n_kinds} {}", kinds_word(n_kinds));
+        }
+        return Some(choice);
+    }
+    // Lower is better.
+    let cost = |trial: &KindsTrial| match by {
+        KindsBy::HeldOut => -trial.held_out,
+        _ => trial.bic_neff,
+    };
+    let mut tried: Vec<&KindsTrial> = provenance.kinds_tried.iter().collect();
+    tried.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
+    let [best, second, ..] = tried[..] else { return None };
+    let (n_tried, worse, n_kinds) = (tried.len(), cost(second) - cost(best), second.n_kinds);
+    let word = kinds_word(n_kinds);
+    Some(match by {
+        KindsBy::HeldOut => format!(
+            "of 1 to {n_tried} the likeliest for blocks that were held out: {:.3} nats per frame, {worse:.3} more than \
+             {n_kinds} {word}",
+            best.held_out
+        ),
+        _ => format!(
+            "the least BIC_neff of 1 to {n_tried}: {:.1} nats, {worse:.1} less than {n_kinds} {word}",
+            best.bic_neff
+        ),
     })
 }
 

@@ -35,7 +35,7 @@ from sklearn.metrics import (
     adjusted_rand_score,
     normalized_mutual_info_score,
 )
-from sklearn.mixture import GaussianMixture
+from sklearn.mixture import BayesianGaussianMixture, GaussianMixture
 from threadpoolctl import threadpool_limits
 
 HERE = Path(__file__).resolve().parent
@@ -122,6 +122,7 @@ def iris() -> Arrays:
         "points": points,
         "bic": np.array([best_mixture(points, n_kinds).bic(points) for n_kinds in (1, 2, 3)]),
         **mixtures_from_start("mixture3", points, n_kinds=3),
+        **prefixed("dirichlet6", dirichlet_from_start(points, n_kinds=6)),
     }
 
 
@@ -315,6 +316,54 @@ def mixture_from_start(points: NDArray, n_kinds: int, covariance_type: str) -> A
         "log_likelihood": scalar(total_log_likelihood(mixture, points)),
         "bic": scalar(float(mixture.bic(points))),
     }
+
+
+def dirichlet_from_start(points: NDArray, n_kinds: int) -> Arrays:
+    """A Dirichlet process from a stated start to its fixpoint, without a covariance floor.
+
+    The start is k-means' labels. The steps are scikit-learn's own, called one by one: between them
+    kinds are put in falling order of frames, which its stick depends on and `fit` has no way to do.
+    `lower_bounds[i]` belongs to what is believed after i + 1 maximisations and lacks constants.
+    """
+    kinds = KMeans(n_kinds, n_init=10, random_state=0).fit_predict(points)
+    mixture = BayesianGaussianMixture(
+        n_components=n_kinds,
+        covariance_type="full",
+        weight_concentration_prior_type="dirichlet_process",
+        weight_concentration_prior=1.0,
+        mean_precision_prior=1.0,
+        mean_prior=points.mean(axis=0),
+        degrees_of_freedom_prior=points.shape[1],
+        covariance_prior=np.cov(points.T, bias=True),
+        reg_covar=0,
+    )
+    mixture._check_parameters(points)
+    with np.errstate(divide="ignore"):
+        log_responsibilities = np.log(np.eye(n_kinds)[kinds])
+    lower_bounds = [-np.inf, lower_bound_after_step(mixture, points, log_responsibilities)]
+    while lower_bounds[-1] - lower_bounds[-2] > 1e-12 * abs(lower_bounds[-1]):
+        _, log_responsibilities = mixture._e_step(points)
+        lower_bounds.append(lower_bound_after_step(mixture, points, log_responsibilities))
+    # Works out the expected weights.
+    mixture._set_parameters(mixture._get_parameters())
+    return {
+        "kinds": kinds.astype(np.uint8),
+        "lower_bounds": np.array(lower_bounds[1:31]),
+        "n_frames": mixture.weight_concentration_[0] - 1,
+        "weights": mixture.weights_,
+        "means": mixture.means_,
+        "covariances": mixture.covariances_,
+    }
+
+
+def lower_bound_after_step(
+    mixture: BayesianGaussianMixture, points: NDArray, log_responsibilities: NDArray
+) -> float:
+    n_frames = np.exp(log_responsibilities).sum(axis=0)
+    ordered = log_responsibilities[:, np.argsort(-n_frames, kind="stable")]
+    mixture._m_step(points, ordered)
+    # 0 ln 0 is 0, which floating-point numbers do not know.
+    return float(mixture._compute_lower_bound(np.maximum(ordered, -700.0), None))
 
 
 def hard_mixture(points: NDArray, kinds: NDArray, covariance_type: str) -> Arrays:

@@ -43,6 +43,31 @@ fn training_numbers_beyond_their_limits_are_refused_with_value_and_limit() {
 }
 
 #[test]
+fn a_number_of_kinds_and_what_to_choose_it_by_are_refused_together() {
+    let robot = Robot::trained();
+    let train = ["train", FIRST, "--output", MODEL];
+    for (flags, fields, sentence) in [
+        (
+            ["--kinds", "5", "--kinds-by", "held-out"],
+            "(kinds: 5, kinds_by: held_out)",
+            "kinds is 5 and kinds_by is held_out: a number of kinds is either given or chosen; leave out one of them",
+        ),
+        (
+            ["--kinds-by", "dirichlet", "--covariance", "diagonal"],
+            "(kinds_by: dirichlet, covariance: diagonal)",
+            "kinds_by is dirichlet and covariance is diagonal: a Dirichlet process has kinds with full covariances; leave \
+             out covariance, or choose by bic_neff or held_out",
+        ),
+    ] {
+        robot.refuse(&[&train[..], &flags].concat(), 2, sentence);
+        robot.write("both.ron", fields);
+        robot.refuse_with(&[&train[..], &["--config", "both.ron"]].concat(), 2, &[sentence]);
+    }
+    let by = [&train[..], &["--kinds-by", "bic"]].concat();
+    robot.refuse(&by, 2, "error: invalid value 'bic' for '--kinds-by <HOW>'");
+}
+
+#[test]
 fn landmarks_that_cannot_be_are_refused_with_what_can() {
     let robot = Robot::trained();
     let train = ["train", FIRST, "--output", MODEL];

@@ -28,7 +28,7 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
         "config.ron",
         "// Everything that there is.\n(response: log, range_m_max: 5.0, invalid_range_m: 4.5, offset_m: 0.2, metric: rings(2), method: \
          pca, frames: 80, neighbors: 7, consecutive_edges: true, landmarks: \"75%\", landmark_choice: farthest, dims: 3, kinds: 4, covariance: \
-         tied, starts: 2, covariance_floor: 0.01, seed: 3, \
+         tied, starts: 2, starts_on: both, covariance_floor: 0.01, seed: 3, \
          metres_per_count: 0.002, frames_topic: \"/ring\", poses_topic: \"/odom\")",
     );
     robot.succeed(&["train", FIRST, "--output", "file.kinds", "--config", "config.ron"]);
@@ -36,7 +36,7 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
     let flags = [
         "--response", "log", "--range-m-max", "5", "--invalid-range-m", "4.5", "--offset-m", "0.2", "--metric", "rings:2", "--method", "pca",
         "--frames", "80", "--neighbors", "7", "--consecutive-edges", "--landmarks", "75%", "--landmark-choice", "farthest", "--dims", "3", "--kinds", "4",
-        "--covariance", "tied", "--starts", "2",
+        "--covariance", "tied", "--starts", "2", "--starts-on", "both",
         "--covariance-floor", "0.01", "--seed", "3", "--metres-per-count", "0.002", "--frames-topic", "/ring",
         "--poses-topic", "/odom",
     ];
@@ -74,7 +74,7 @@ fn training_says_what_was_learnt_and_where_it_is() {
     let robot = Robot::trained();
     let told = robot.succeed(&[&["train", FIRST, SECOND, "--output", "both.kinds"][..], &SIZE].concat());
     let (learnt, wrote) = told.trim_end().split_once('\n').unwrap();
-    let beginning = "learnt 5 kinds from 290 frames of 16 readings: Isomap of inverse ranges by euclidean distances in 8 \
+    let beginning = "learnt 5 kinds from 290 frames of 16 readings: Isomap of inverse ranges in 8 \
                      dimensions, residual variance 0.";
     assert!(learnt.starts_with(beginning), "{learnt}");
     let model = crate::world::open_model(&robot.path("both.kinds"));
@@ -168,8 +168,9 @@ fn what_is_left_to_the_evidence_is_chosen_and_both_train_and_inspect_say_why() {
     assert!(text.lines().any(|line| line == format!("intrinsic    {intrinsic}")), "{text}");
     let beginning = format!("kinds        {n_kinds}, by evidence; log-likelihood ");
     assert!(text.lines().any(|line| line.starts_with(&beginning)), "{text}");
-    let (_, curve) =
-        text.split_once("\nkinds tried        BIC         CAIC     BIC_neff   held out\n").unwrap();
+    let (_, curve) = text
+        .split_once("\nkinds tried        BIC         CAIC     BIC_neff   held out   starts given up\n")
+        .unwrap();
     assert_eq!(curve.lines().count(), tried.len());
     for (line, trial) in curve.lines().zip(tried) {
         let numbers: Vec<&str> =
@@ -181,10 +182,133 @@ fn what_is_left_to_the_evidence_is_chosen_and_both_train_and_inspect_say_why() {
             number("caic", 1),
             number("bic_neff", 1),
             number("held_out", 3),
+            number("n_starts_collapsed", 0),
         ];
         assert_eq!(numbers, expected);
         assert_eq!(line.ends_with(" ←"), trial["n_kinds"] == *n_kinds, "{line}");
     }
+}
+
+/// What decides between numbers of kinds, of a trial: higher is better.
+type Merit = fn(&Value) -> f64;
+
+#[test]
+fn what_the_number_of_kinds_is_chosen_by_can_be_asked_for_by_flag_and_by_file() {
+    let robot = Robot::trained();
+    let held_out: Merit = |trial| trial["held_out"].as_f64().unwrap();
+    let lower_bound: Merit = |trial| trial["lower_bound"].as_f64().unwrap();
+    for (flag, field, plan, trials, merit) in [
+        ("held-out", "held_out", "HeldOut", "/provenance/kinds_tried", held_out),
+        ("dirichlet", "dirichlet", "Dirichlet", "/provenance/dirichlet/trials", lower_bound),
+    ] {
+        let size = ["--neighbors", "10", "--dims", "3"];
+        let train = ["train", FIRST, "--output", "flag.kinds", "--kinds-by", flag, "--report", "report"];
+        let told = robot.succeed(&[&train[..], &size].concat());
+        robot.write("by.ron", format!("(kinds_by: {field})"));
+        let train = ["train", FIRST, "--output", "file.kinds", "--config", "by.ron"];
+        robot.succeed(&[&train[..], &size].concat());
+        assert!(robot.read("flag.kinds") == robot.read("file.kinds"), "{flag}");
+
+        let inspection = inspect(&robot, "flag.kinds");
+        assert_eq!(inspection["plan"]["kinds_by"], plan);
+        let mut ranked: Vec<&Value> =
+            inspection.pointer(trials).unwrap().as_array().unwrap().iter().collect();
+        let n_tried = ranked.len();
+        ranked.sort_by(|a, b| merit(b).total_cmp(&merit(a)));
+        let (best, n_kinds) = (ranked[0], &inspection["n_kinds"]);
+        assert_eq!(best["n_kinds"], *n_kinds, "{flag}");
+        let second = ranked.iter().find(|trial| trial["n_kinds"] != *n_kinds).unwrap();
+        let more = merit(best) - merit(second);
+        let kinds = if second["n_kinds"] == 1 {
+            "1 kind".to_string()
+        } else {
+            format!("{} kinds", second["n_kinds"])
+        };
+        let reason = match flag {
+            "held-out" => format!(
+                "of 1 to {n_tried} the likeliest for blocks that were held out: {:.3} nats per frame, {more:.3} more than \
+                 {kinds}",
+                merit(best)
+            ),
+            _ => format!(
+                "kept by a Dirichlet process of concentration 1: lower bound of ln evidence {:.1} nats, {more:.1} more than \
+                 {kinds}",
+                merit(best)
+            ),
+        };
+        let n_effective = inspection["provenance"]["n_frames_effective"].as_f64().unwrap();
+        let line =
+            format!("kinds: {n_kinds}, {reason}; 160 frames count as {n_effective:.0} independent ones");
+        assert!(told.lines().any(|found| found == line), "no {line:?} in {told}");
+        let report = String::from_utf8(robot.read("report/report.html")).unwrap();
+        assert!(report.contains(&format!("<li>{line}</li>")), "no {line:?} in the report");
+        assert_eq!(
+            report.contains("A Dirichlet process of concentration 1 kept as many kinds"),
+            flag == "dirichlet"
+        );
+    }
+
+    let inspection = inspect(&robot, "flag.kinds");
+    let text = robot.succeed(&["inspect", "flag.kinds"]);
+    let share = inspection["provenance"]["largest_kind_share"].as_f64().unwrap();
+    let line = format!("largest kind {:.1} % of the frames", 100.0 * share);
+    assert!(text.lines().any(|found| found == line), "no {line:?} in {text}");
+    let (_, table) = text.split_once("\nkinds begun with   kinds kept   lower bound\n").unwrap();
+    let process = &inspection["provenance"]["dirichlet"];
+    let trials = process["trials"].as_array().unwrap();
+    let mut lines = table.lines();
+    for (line, trial) in lines.by_ref().zip(trials) {
+        let words: Vec<&str> = line.trim_end_matches(" ←").split_whitespace().collect();
+        let bound = format!("{:.1}", lower_bound(trial));
+        assert_eq!(
+            words,
+            [&trial["n_kinds_begun"].to_string(), &trial["n_kinds"].to_string(), &bound],
+            "{line}"
+        );
+        assert!(!line.ends_with(" ←") || trial["n_kinds"] == inspection["n_kinds"], "{line}");
+    }
+    assert_eq!(table.matches('←').count(), 1, "{table}");
+    let n_frames: Vec<String> = process["n_frames_of_kinds"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|n_frames| format!("{:.1}", n_frames.as_f64().unwrap()))
+        .collect();
+    assert_eq!(
+        table.lines().last().unwrap(),
+        format!("independent frames of each kind: {}", n_frames.join(" "))
+    );
+}
+
+#[test]
+fn starts_that_were_given_up_and_numbers_that_could_not_be_tried_are_told() {
+    let robot = Robot::new();
+    Trip { n_frames: 40, ..Trip::FIRST }.write(&robot.path(FIRST));
+    let size = ["--neighbors", "8", "--dims", "3"];
+    let train = |more: &[&str]| {
+        let train = ["train", FIRST, "--output", MODEL, "--report", "report"];
+        let outcome = robot.run(&[&train[..], &size, more].concat());
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        (outcome.stderr, String::from_utf8(robot.read("report/report.html")).unwrap())
+    };
+    let (told, report) = train(&["--kinds", "20"]);
+    let n_given_up = &inspect(&robot, MODEL)["provenance"]["n_starts_collapsed"];
+    assert!(n_given_up.as_u64().unwrap() > 1, "{n_given_up}");
+    let sentence = format!(
+        "{n_given_up} of 10 starts of the mixture were given up because a kind lost its frames; fewer kinds avoid it"
+    );
+    assert!(told.lines().any(|line| line == format!("kinds: {sentence}")), "{told}");
+    assert_eq!(report.matches(&format!("<li>{sentence}</li>")).count(), 1);
+
+    let (told, report) = train(&[]);
+    let n_tried = inspect(&robot, MODEL)["provenance"]["kinds_tried"].as_array().unwrap().len();
+    assert!(n_tried < 20, "{n_tried}");
+    let sentence = format!(
+        "no more than {n_tried} kinds were tried: 40 frames kept no more apart from any start; record a longer trip to try \
+         more"
+    );
+    assert!(told.lines().any(|line| line == format!("kinds: {sentence}")), "{told}");
+    assert!(report.contains(&format!("<li>{sentence}</li>")));
 }
 
 #[test]
@@ -282,7 +406,7 @@ fn native_space_says_how_much_of_the_trip_is_of_one_kind() {
     let percent = format!("{:.1} % of the frames", 100.0 * share);
     let remark = format!("in native space the largest of 4 kinds has {percent}");
     assert!(outcome.stderr.lines().any(|line| line == format!("kinds: {remark}")), "{outcome:?}");
-    let learnt = "learnt 4 kinds from 160 frames of 16 readings: native space of inverse ranges by euclidean distances in 16 \
+    let learnt = "learnt 4 kinds from 160 frames of 16 readings: native space of inverse ranges in 16 \
                   dimensions";
     assert_eq!(outcome.stdout.lines().next(), Some(learnt));
     let report = String::from_utf8(robot.read("report/report.html")).unwrap();

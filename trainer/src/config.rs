@@ -1,8 +1,8 @@
 //! What a person says about training (RON or flags), and the checked plan that it becomes for a sensor.
 
 use kinds_model::{
-    Covariance, EmPlan, FitPlan, LandmarkChoice, Method, N_DIMS_MAX, N_KINDS_MAX, ResponsePlan, Scale,
-    SensorLayout,
+    Covariance, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, N_DIMS_MAX, N_KINDS_MAX, ResponsePlan,
+    Scale, SensorLayout, StartsOn,
 };
 use kinds_trips::Selection;
 use serde::Deserialize;
@@ -42,12 +42,18 @@ pub struct Config {
     pub landmark_choice: Option<LandmarkChoice>,
     /// Dimensions, 1 to 32. Default: two more than where the residual variance bends.
     pub dims: Option<usize>,
-    /// Kinds, 1 to 64. Default: of 1 to 20, the number with the least BIC for as many frames as are independent.
+    /// Kinds, 1 to 64. Default: as many as the evidence speaks for.
     pub kinds: Option<usize>,
+    /// What the number of kinds is chosen by where none is given: bic_neff, the least BIC of 1 to 20 for as many frames as
+    /// are independent; held_out, the likeliest of 1 to 20 for stretches of the trip that were held out; or dirichlet, what a
+    /// Dirichlet process keeps of 20. Default: bic_neff.
+    pub kinds_by: Option<KindsBy>,
     /// Shape of the kinds: full, tied, diagonal or spherical covariances. Default: full.
     pub covariance: Option<Covariance>,
     /// Starts of the mixture, at least 1. Default: 10.
     pub starts: Option<usize>,
+    /// Coordinates that starts cluster: plain, whitened, or both in turn. Default: plain.
+    pub starts_on: Option<StartsOn>,
     /// Least variance of a kind in any direction, share of the mean variance, above 0 and below 1. Default: 0.001.
     pub covariance_floor: Option<f64>,
     /// Seed of landmarks and mixture. Default: 0.
@@ -103,6 +109,25 @@ pub enum ConfigError {
         /// What is wrong there.
         reason: String,
     },
+    /// A number of kinds, and what to choose it by.
+    #[error(
+        "kinds is {n_kinds} and kinds_by is {by}: a number of kinds is either given or chosen; leave out one of them"
+    )]
+    GivenAndChosen {
+        /// The number.
+        n_kinds: usize,
+        /// What to choose it by, in a configuration's word.
+        by: &'static str,
+    },
+    /// A Dirichlet process of kinds of another shape.
+    #[error(
+        "kinds_by is dirichlet and covariance is {covariance}: a Dirichlet process has kinds with full covariances; leave \
+         out covariance, or choose by bic_neff or held_out"
+    )]
+    NotFull {
+        /// The shape asked for.
+        covariance: Covariance,
+    },
     /// A number outside its limits.
     #[error("{field} is {value}; it must be {limit}")]
     Limit {
@@ -140,8 +165,13 @@ impl Config {
         })
     }
 
-    /// What is set in `over` replaces what is set here.
+    /// What is set in `over` replaces what is set here. A number of kinds replaces what it was to be chosen by, and the other
+    /// way round.
     pub fn overridden_by(self, over: Self) -> Self {
+        let (kinds, kinds_by) = match (over.kinds, over.kinds_by) {
+            (None, None) => (self.kinds, self.kinds_by),
+            given => given,
+        };
         Self {
             response: over.response.or(self.response),
             range_m_max: over.range_m_max.or(self.range_m_max),
@@ -155,9 +185,11 @@ impl Config {
             landmarks: over.landmarks.or(self.landmarks),
             landmark_choice: over.landmark_choice.or(self.landmark_choice),
             dims: over.dims.or(self.dims),
-            kinds: over.kinds.or(self.kinds),
+            kinds,
+            kinds_by,
             covariance: over.covariance.or(self.covariance),
             starts: over.starts.or(self.starts),
+            starts_on: over.starts_on.or(self.starts_on),
             covariance_floor: over.covariance_floor.or(self.covariance_floor),
             seed: over.seed.or(self.seed),
             metres_per_count: over.metres_per_count.or(self.metres_per_count),
@@ -168,10 +200,10 @@ impl Config {
         }
     }
 
-    /// Checks every number that is given against its limits.
+    /// Checks every number that is given against its limits, and that what is given goes together.
     ///
     /// # Errors
-    /// With field, value and limit.
+    /// With fields, values and limit.
     pub fn check(&self) -> Result<(), ConfigError> {
         let count = |field, value: Option<usize>, most: usize| match value {
             Some(value) if !(1..=most).contains(&value) => {
@@ -208,7 +240,25 @@ impl Config {
         within("commands_weight", self.commands.weight, not_negative, "at least 0")?;
         within("metres_per_count", self.metres_per_count, positive, "above 0 m")?;
         let share: fn(f64) -> bool = |value| value > 0.0 && value < 1.0;
-        within("covariance_floor", self.covariance_floor, share, "above 0 and below 1")
+        within("covariance_floor", self.covariance_floor, share, "above 0 and below 1")?;
+        self.check_choice_of_kinds()
+    }
+
+    fn check_choice_of_kinds(&self) -> Result<(), ConfigError> {
+        match (self.kinds, self.kinds_by, self.covariance) {
+            (Some(n_kinds), Some(by), _) => {
+                let by = match by {
+                    KindsBy::BicNeff => "bic_neff",
+                    KindsBy::HeldOut => "held_out",
+                    KindsBy::Dirichlet => "dirichlet",
+                };
+                Err(ConfigError::GivenAndChosen { n_kinds, by })
+            }
+            (_, Some(KindsBy::Dirichlet), Some(covariance)) if covariance != Covariance::Full => {
+                Err(ConfigError::NotFull { covariance })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// How much commands weigh, if frames are to be compared by them.
@@ -262,9 +312,11 @@ impl Config {
             landmark_choice: self.landmark_choice.unwrap_or_default(),
             n_dims: self.dims,
             n_kinds: self.kinds,
+            kinds_by: self.kinds_by.unwrap_or_default(),
             em: EmPlan {
                 covariance: self.covariance.unwrap_or(em.covariance),
                 n_starts: self.starts.unwrap_or(em.n_starts),
+                starts_on: self.starts_on.unwrap_or(em.starts_on),
                 covariance_floor: self.covariance_floor.unwrap_or(em.covariance_floor),
                 ..em
             },
@@ -328,6 +380,33 @@ mod tests {
         let plan = |text: &str| Config::from_ron(text).unwrap().plan(RING, &[1]).unwrap();
         assert_eq!(plan("(method: both)"), plan("(method: isomap)"));
         assert_eq!(plan("(method: Both, covariance: Tied)"), plan("(covariance: tied)"));
+    }
+
+    #[test]
+    fn a_number_of_kinds_and_what_to_choose_it_by_override_each_other_and_do_not_go_together() {
+        let config = |text: &str| Config::from_ron(text).unwrap();
+        let over = |file: &str, flags: &str| {
+            let plan = config(file).overridden_by(config(flags)).plan(RING, &[1]).unwrap();
+            (plan.n_kinds, plan.kinds_by)
+        };
+        assert_eq!(over("()", "()"), (None, KindsBy::BicNeff));
+        assert_eq!(over("(kinds_by: held_out)", "()"), (None, KindsBy::HeldOut));
+        assert_eq!(over("(kinds: 5)", "(kinds_by: Dirichlet)"), (None, KindsBy::Dirichlet));
+        assert_eq!(over("(kinds_by: dirichlet)", "(kinds: 5)"), (Some(5), KindsBy::BicNeff));
+        let refuse = |text: &str| config(text).check().unwrap_err().to_string();
+        for (variant, by) in [("BicNeff", "bic_neff"), ("HeldOut", "held_out"), ("Dirichlet", "dirichlet")] {
+            assert_eq!(
+                refuse(&format!("(kinds: 5, kinds_by: {variant})")),
+                format!(
+                    "kinds is 5 and kinds_by is {by}: a number of kinds is either given or chosen; leave out one of them"
+                )
+            );
+        }
+        assert_eq!(
+            refuse("(kinds_by: dirichlet, covariance: tied)"),
+            "kinds_by is dirichlet and covariance is tied: a Dirichlet process has kinds with full covariances; leave out \
+             covariance, or choose by bic_neff or held_out"
+        );
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod landmark_number;
 mod load;
 mod metric_choice;
 mod progress;
+mod remarks;
 pub mod report;
 mod runs;
 mod track;

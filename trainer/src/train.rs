@@ -2,15 +2,15 @@
 
 use std::path::PathBuf;
 
-use kinds_model::evidence::{N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out};
 use kinds_model::{
-    Command, CommandScale, Commands, FitError, KindsTrial, Manifest, Method, Model, Origin, SensorLayout,
-    Size, fit, fit_with_commands, refit,
+    Command, CommandScale, Commands, FitError, Method, Model, Origin, SensorLayout, Size, fit,
+    fit_with_commands, refit,
 };
 
 use crate::config::{Config, ConfigError, MethodChoice};
 use crate::load::{LoadError, load, of_model};
 use crate::progress::{Progress, fitting};
+use crate::remarks::remarks_on_kinds;
 use crate::track::Track;
 
 /// A model, and what a person should know about how it came to be.
@@ -112,17 +112,13 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
     let model = fitted.map_err(TrainError::Fit)?;
     remarks.extend(model.commands().and_then(remark_on_commands));
     remarks.extend(remark_on_islands(&model));
-    remarks.extend(remark_on_kinds(&model.manifest().provenance.kinds_tried));
-    remarks.extend(remark_on_native_space(&model));
+    remarks.extend(remarks_on_kinds(&model));
     let pca = match config.method {
         Some(MethodChoice::Both) => Some(PcaModels::beside(&model, &mut remarks, progress)?),
         _ => None,
     };
     Ok(Trained { model, pca, tracks, remarks })
 }
-
-/// Share of the frames from which a kind is a giant that tells little apart.
-const GIANT_SHARE: f64 = 0.5;
 
 impl PcaModels {
     fn beside(
@@ -132,10 +128,11 @@ impl PcaModels {
     ) -> Result<Self, TrainError> {
         let mut fitted = |size| refit(isomap, Method::Pca, size, &mut fitting(progress));
         let own = fitted(Size::Own).map_err(TrainError::FitPca)?;
-        remarks.extend(remark_on_kinds(&own.manifest().provenance.kinds_tried).map(of_pca));
+        remarks.extend(remarks_on_kinds(&own).into_iter().map(of_pca));
         let matched = fitted(Size::Matched);
-        if let Err(error) = &matched {
-            remarks.push(of_pca(format!("none are of Isomap's size: {error}")));
+        match &matched {
+            Ok(matched) => remarks.extend(remarks_on_kinds(matched).into_iter().map(of_pca)),
+            Err(error) => remarks.push(of_pca(format!("none are of Isomap's size: {error}"))),
         }
         Ok(Self { own, matched: matched.ok() })
     }
@@ -197,65 +194,11 @@ fn remark_on_islands(model: &Model) -> Option<String> {
     ))
 }
 
-/// How much of the trip is of one kind, where nothing was embedded.
-fn remark_on_native_space(model: &Model) -> Option<String> {
-    let Manifest { plan, n_kinds, provenance, .. } = model.manifest();
-    (plan.method == Method::Native).then(|| native_space_in_words(*n_kinds, provenance.largest_kind_share))
-}
-
-fn native_space_in_words(n_kinds: usize, largest_kind_share: f64) -> String {
-    let largest = match n_kinds {
-        1 => "all frames are of one kind".to_string(),
-        _ => format!("the largest of {n_kinds} kinds has {:.1} % of the frames", 100.0 * largest_kind_share),
-    };
-    let advice = match largest_kind_share > GIANT_SHARE {
-        true => "; one giant kind is consistent and useless: use isomap",
-        false => "",
-    };
-    format!("in native space {largest}{advice}")
-}
-
-/// Where the evidence for the number of kinds does not agree, or chooses an end of what was tried.
-fn remark_on_kinds(tried: &[KindsTrial]) -> Option<String> {
-    let (chosen, other) = (best_by_bic_neff(tried)?.n_kinds, best_by_held_out(tried)?.n_kinds);
-    match (chosen, other) {
-        (1, _) => Some(
-            "the evidence is for a single kind, which tells no places apart; ask for a number of kinds, try another scale, \
-             or record a longer trip"
-                .to_string(),
-        ),
-        (N_KINDS_TRIED_MAX, _) => Some(format!(
-            "{chosen} kinds are the most that are tried, and more may be better still; ask for more to see"
-        )),
-        _ if chosen == other => None,
-        _ => Some(format!(
-            "the evidence for the number of kinds does not agree: BIC_neff is least at {chosen}, which the model has, and \
-             blocks that were held out are likeliest at {other}"
-        )),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use kinds_model::CommandColumn;
 
     use super::*;
-
-    /// Trials of 1, 2, … kinds with these values of BIC_neff and held-out likelihood.
-    fn remark(bic_neff: &[f64], held_out: &[f64]) -> Option<String> {
-        let trials: Vec<KindsTrial> = (1..)
-            .zip(bic_neff.iter().zip(held_out))
-            .map(|(n_kinds, (&bic_neff, &held_out))| KindsTrial {
-                n_kinds,
-                log_likelihood: 0.0,
-                bic: 0.0,
-                caic: 0.0,
-                bic_neff,
-                held_out,
-            })
-            .collect();
-        remark_on_kinds(&trials)
-    }
 
     #[test]
     fn frames_without_a_command_are_told() {
@@ -287,58 +230,5 @@ mod tests {
             "the command was always 0.5 m/s forward and -0.25 rad/s of turn and weighs nothing; frames are compared by \
              readings alone"
         );
-    }
-
-    #[test]
-    fn evidence_that_agrees_or_was_not_asked_needs_no_remark() {
-        assert_eq!(remark(&[9.0, 7.0, 8.0], &[-3.0, -1.0, -2.0]), None);
-        assert_eq!(remark(&[], &[]), None);
-    }
-
-    #[test]
-    fn evidence_that_does_not_agree_is_told() {
-        assert_eq!(
-            remark(&[9.0, 7.0, 8.0], &[-3.0, -2.0, -1.0]).unwrap(),
-            "the evidence for the number of kinds does not agree: BIC_neff is least at 2, which the model has, and blocks \
-             that were held out are likeliest at 3"
-        );
-    }
-
-    #[test]
-    fn native_space_is_told_with_the_share_of_its_largest_kind_and_giants_with_what_to_do() {
-        assert_eq!(
-            native_space_in_words(5, 0.2391),
-            "in native space the largest of 5 kinds has 23.9 % of the frames"
-        );
-        assert_eq!(
-            native_space_in_words(5, 0.87),
-            "in native space the largest of 5 kinds has 87.0 % of the frames; one giant kind is consistent and useless: use isomap"
-        );
-        assert_eq!(
-            native_space_in_words(1, 1.0),
-            "in native space all frames are of one kind; one giant kind is consistent and useless: use isomap"
-        );
-    }
-
-    #[test]
-    fn what_is_told_of_the_second_method_has_its_name() {
-        let remark = remark(&[7.0, 8.0], &[-1.0, -2.0]).map(of_pca).unwrap();
-        assert!(remark.starts_with("principal components: the evidence is for a single kind, "), "{remark}");
-    }
-
-    #[test]
-    fn a_number_at_either_end_of_what_was_tried_is_told() {
-        assert_eq!(
-            remark(&[7.0, 8.0], &[-1.0, -2.0]).unwrap(),
-            "the evidence is for a single kind, which tells no places apart; ask for a number of kinds, try another scale, \
-             or record a longer trip"
-        );
-        let falling: Vec<f64> = (0..20).map(|index| -f64::from(index)).collect();
-        assert_eq!(
-            remark(&falling, &falling).unwrap(),
-            "20 kinds are the most that are tried, and more may be better still; ask for more to see"
-        );
-        // Short trips end the range; that is no reason to ask for more.
-        assert_eq!(remark(&falling[..5], &[-9.0, -8.0, -7.0, -6.0, -5.0]), None);
     }
 }

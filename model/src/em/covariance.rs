@@ -14,6 +14,8 @@
 //! Raising is the maximum and not a repair, because along each eigenvector `ln λ + s / λ` rises from λ = s on. Hence the
 //! log-likelihood never decreases, which adding a constant to the diagonal would not guarantee.
 
+use std::fmt;
+
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +36,17 @@ pub enum Covariance {
     /// Each kind a ball.
     #[serde(alias = "spherical")]
     Spherical,
+}
+
+impl fmt::Display for Covariance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Full => "full",
+            Self::Tied => "tied",
+            Self::Diagonal => "diagonal",
+            Self::Spherical => "spherical",
+        })
+    }
 }
 
 impl Covariance {
@@ -93,7 +106,7 @@ impl Constraint {
 }
 
 /// The scatter with eigenvalues below the floor raised to it.
-fn raise_to_floor(scatter: DMatrix<f64>, floor: f64) -> DMatrix<f64> {
+pub(super) fn raise_to_floor(scatter: DMatrix<f64>, floor: f64) -> DMatrix<f64> {
     let eigen = scatter.clone().symmetric_eigen();
     if eigen.eigenvalues.iter().all(|value| *value >= floor) {
         return scatter;

@@ -80,7 +80,7 @@ pub(super) fn mean_variance(points: Points) -> f64 {
 }
 
 /// Weighted mean and scatter of one kind, whose responsibilities add up to `share`.
-fn scatter(points: Points, responsibilities: &[f64], share: f64) -> (Vec<f64>, DMatrix<f64>) {
+pub(super) fn scatter(points: Points, responsibilities: &[f64], share: f64) -> (Vec<f64>, DMatrix<f64>) {
     let n_dims = points.n_dims;
     let mut mean = vec![0.0; n_dims];
     for (point, responsibility) in points.rows().zip(responsibilities) {

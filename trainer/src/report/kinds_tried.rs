@@ -44,7 +44,7 @@ fn draw(trials: &[KindsTrial], n_kinds: usize, n_frames_effective: f64) -> Optio
         "is_chosen",
     ]);
     for trial in trials {
-        let KindsTrial { n_kinds: n, log_likelihood, bic, caic, bic_neff, held_out } = trial;
+        let KindsTrial { n_kinds: n, log_likelihood, bic, caic, bic_neff, held_out, .. } = trial;
         csv.line(&[n, log_likelihood, bic, caic, bic_neff, held_out, &(*n == n_kinds)]);
     }
     let caption = format!(
@@ -111,6 +111,7 @@ pub(super) mod tests {
             caic: 9100.0 + (n_kinds as f64 - 4.0).powi(2),
             bic_neff: 800.0 + (n_kinds as f64 - 3.0).powi(2),
             held_out: -30.0 - (n_kinds as f64 - 2.0).abs(),
+            n_starts_collapsed: 0,
         };
         draw(&(1..=6).map(trial).collect::<Vec<_>>(), 3, 47.6)
     }

@@ -1,6 +1,8 @@
 //! What `train` and `evaluate` have to show, put on a page in the order in which a person asks.
 
-use kinds_model::{Covariance, FitPlan, Manifest, Method, MetricPlan, Model, Provenance, Scale};
+use kinds_model::{
+    Covariance, DirichletProvenance, FitPlan, Manifest, Method, MetricPlan, Model, Provenance, Scale,
+};
 
 use super::canonical::responsibilities;
 use super::page::{Column, Page, Table};
@@ -19,10 +21,9 @@ use crate::track::Track;
 pub fn add_model(page: &mut Page, model: &Model, rival: Option<&Model>, remarks: &[String]) {
     page.section("The model");
     page.facts(&facts(model));
-    let remarks: Vec<String> = remarks.iter().cloned().chain(doubts(&model.manifest().provenance)).collect();
     if !remarks.is_empty() {
         page.paragraph("To be known about it:");
-        page.list(remarks);
+        page.list(remarks.to_vec());
     }
     if model.geodesics().is_some() {
         add_graph(page, model);
@@ -37,9 +38,10 @@ pub fn add_model(page: &mut Page, model: &Model, rival: Option<&Model>, remarks:
         page.paragraph("One for each reading: in native space nothing is embedded.");
     }
     page.section("How many kinds");
-    match kinds_tried(model) {
-        Some(figure) => page.figure(figure),
-        None => page.paragraph(&format!(
+    match (kinds_tried(model), &model.manifest().provenance.dirichlet) {
+        (Some(figure), _) => page.figure(figure),
+        (None, Some(process)) => add_dirichlet(page, process),
+        (None, None) => page.paragraph(&format!(
             "That there are {} kinds was given; no other numbers were tried.",
             model.mixture().n_kinds()
         )),
@@ -74,6 +76,24 @@ fn add_graph(page: &mut Page, model: &Model) {
     let mut table = Table::new(["frame", "frame", "length, counts"].map(Column::number).into());
     for (a, b, length) in bridges {
         table.row(vec![a.to_string(), b.to_string(), format!("{length:.0}")]);
+    }
+    page.table(&table);
+}
+
+fn add_dirichlet(page: &mut Page, process: &DirichletProvenance) {
+    page.paragraph(&format!(
+        "A Dirichlet process of concentration {} kept as many kinds as have at least one independent frame each, whatever \
+         number it began with. The model is that with the highest lower bound of ln evidence.",
+        process.concentration
+    ));
+    let columns = ["kinds begun with", "kinds kept", "lower bound, nats"];
+    let mut table = Table::new(columns.map(Column::number).to_vec());
+    for trial in &process.trials {
+        table.row(vec![
+            trial.n_kinds_begun.to_string(),
+            trial.n_kinds.to_string(),
+            format!("{:.1}", trial.lower_bound),
+        ]);
     }
     page.table(&table);
 }
@@ -194,39 +214,5 @@ fn shape_in_words(covariance: Covariance) -> &'static str {
         Covariance::Tied => "all one ellipsoid (tied covariances)",
         Covariance::Diagonal => "each an ellipsoid along the dimensions (diagonal covariances)",
         Covariance::Spherical => "each a ball (spherical covariances)",
-    }
-}
-
-/// What makes a model less sure than it looks.
-fn doubts(provenance: &Provenance) -> Vec<String> {
-    let Provenance { n_iterations, converged, n_starts_collapsed, .. } = provenance;
-    let mut doubts = Vec::new();
-    if !converged {
-        doubts.push(format!("the mixture had not converged after {n_iterations} iterations"));
-    }
-    if *n_starts_collapsed > 0 {
-        let starts = if *n_starts_collapsed == 1 { "start was" } else { "starts were" };
-        doubts.push(format!(
-            "{n_starts_collapsed} {starts} given up because a kind lost its frames; fewer kinds avoid it"
-        ));
-    }
-    doubts
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_mixture_that_stopped_early_or_collapsed_is_said_so() {
-        let check = |converged, n_starts_collapsed, expected: &[&str]| {
-            let provenance =
-                Provenance { n_iterations: 300, converged, n_starts_collapsed, ..Default::default() };
-            assert_eq!(doubts(&provenance), expected);
-        };
-        check(true, 0, &[]);
-        check(false, 0, &["the mixture had not converged after 300 iterations"]);
-        check(true, 1, &["1 start was given up because a kind lost its frames; fewer kinds avoid it"]);
-        check(true, 2, &["2 starts were given up because a kind lost its frames; fewer kinds avoid it"]);
     }
 }

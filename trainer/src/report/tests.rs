@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 
 use kinds_model::mixture::most_probable;
 use kinds_model::{
-    EmPlan, FitPlan, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale, SensorLayout,
-    fit,
+    EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale,
+    SensorLayout, fit,
 };
 use kinds_trips::Pose;
 use rand::RngExt;
@@ -55,6 +55,7 @@ fn model_keeping(
         landmark_choice: LandmarkChoice::Random,
         n_dims: Some(n_dims),
         n_kinds: Some(n_kinds),
+        kinds_by: KindsBy::BicNeff,
         em: EmPlan::new(1),
         seed: 1,
     };
