@@ -1,4 +1,4 @@
-//! What a person should know about a model's kinds: evidence that does not agree or ends where the search did, one kind
+//! What a person should know about a model's graph and kinds: islands, evidence that does not agree or ends where the search did, one kind
 //! that has nearly all frames, and fits that were given up.
 
 use kinds_model::evidence::{N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out};
@@ -6,6 +6,13 @@ use kinds_model::{KindsBy, KindsTrial, Manifest, Method, Model, Provenance};
 
 /// Share of the frames beyond which a kind is a giant.
 const GIANT_SHARE: f64 = 0.8;
+
+/// Where the neighbour graph had to be joined; none where it was in one piece.
+pub(crate) fn remark_on_islands(model: &Model) -> Option<String> {
+    let Manifest { n_neighbors, provenance, .. } = model.manifest();
+    let lengths: Vec<f32> = provenance.bridges.iter().map(|(_, _, length)| *length).collect();
+    on_islands(*n_neighbors, &provenance.islands, &lengths)
+}
 
 /// Sentences about a model's kinds; none where all is well.
 pub(crate) fn remarks_on_kinds(model: &Model) -> Vec<String> {
@@ -21,6 +28,31 @@ pub(crate) fn remarks_on_kinds(model: &Model) -> Vec<String> {
     });
     remarks.extend(on_fit(provenance, plan.em.n_starts));
     remarks
+}
+
+/// * `islands` — frames on each
+/// * `bridges` — lengths, counts
+fn on_islands(n_neighbors: usize, islands: &[usize], bridges: &[f32]) -> Option<String> {
+    if islands.len() < 2 {
+        return None;
+    }
+    const N_NAMED: usize = 5;
+    let list = |all: Vec<String>| {
+        let more = all.len().saturating_sub(N_NAMED);
+        let named = all.into_iter().take(N_NAMED).collect::<Vec<_>>().join(", ");
+        if more > 0 { format!("{named} and {more} more") } else { named }
+    };
+    let sizes = list(islands.iter().map(usize::to_string).collect());
+    let lengths = list(bridges.iter().map(|length| format!("{length:.0}")).collect());
+    let joined_by = match bridges.len() {
+        1 => "a bridge".to_string(),
+        n_bridges => format!("{n_bridges} bridges"),
+    };
+    Some(format!(
+        "neighbour graph has {} islands ({sizes} frames) at {n_neighbors} neighbours; joined by {joined_by} of {lengths} counts; \
+         raise the neighbours to avoid them",
+        islands.len(),
+    ))
 }
 
 /// Where the evidence for the number of kinds does not agree, or chooses an end of what was tried.
@@ -120,6 +152,21 @@ mod tests {
                 n_starts_collapsed: 0,
             })
             .collect()
+    }
+
+    #[test]
+    fn islands_and_what_joins_them_are_told() {
+        assert_eq!(on_islands(10, &[1379], &[]), None);
+        assert_eq!(
+            on_islands(12, &[1365, 14], &[4991.2]).unwrap(),
+            "neighbour graph has 2 islands (1365, 14 frames) at 12 neighbours; joined by a bridge of 4991 counts; raise the \
+             neighbours to avoid them"
+        );
+        assert_eq!(
+            on_islands(3, &[90, 5, 4, 3, 2, 1, 1], &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).unwrap(),
+            "neighbour graph has 7 islands (90, 5, 4, 3, 2 and 2 more frames) at 3 neighbours; joined by 6 bridges of 1, 2, 3, \
+             4, 5 and 1 more counts; raise the neighbours to avoid them"
+        );
     }
 
     #[test]

@@ -10,7 +10,7 @@ use kinds_model::{
 use crate::config::{Config, ConfigError, MethodChoice};
 use crate::load::{LoadError, load, of_model};
 use crate::progress::{Progress, fitting};
-use crate::remarks::remarks_on_kinds;
+use crate::remarks::{remark_on_islands, remarks_on_kinds};
 use crate::track::Track;
 
 /// A model, and what a person should know about how it came to be.
@@ -169,29 +169,6 @@ fn remark_on_commands(scale: &CommandScale) -> Option<String> {
             forward.least, turn.least
         )),
     }
-}
-
-fn remark_on_islands(model: &Model) -> Option<String> {
-    let provenance = &model.manifest().provenance;
-    let (islands, bridges) = (&provenance.islands, &provenance.bridges);
-    if islands.len() < 2 {
-        return None;
-    }
-    const N_NAMED: usize = 5;
-    let list = |all: Vec<String>| {
-        let more = all.len().saturating_sub(N_NAMED);
-        let named = all.into_iter().take(N_NAMED).collect::<Vec<_>>().join(", ");
-        if more > 0 { format!("{named} and {more} more") } else { named }
-    };
-    let sizes = list(islands.iter().map(usize::to_string).collect());
-    let lengths = list(bridges.iter().map(|(_, _, length)| format!("{length:.0}")).collect());
-    Some(format!(
-        "neighbour graph has {} islands ({sizes} frames) at {} neighbours; joined by {} bridges of {lengths} counts; \
-         raise the neighbours to avoid them",
-        islands.len(),
-        model.manifest().n_neighbors,
-        bridges.len(),
-    ))
 }
 
 #[cfg(test)]
