@@ -9,6 +9,9 @@ use kinds_model::{Frames, Model, Response};
 /// A frame that weighs less than this in a kind's mean is passed over: it would move no reading by a visible amount.
 const RESPONSIBILITY_MIN: f64 = 1e-6;
 
+/// Least difference from the mean of all frames that is drawn in full size or colour, as a share of the longest reading.
+pub(super) const DIFFERENCE_SHARE_MIN: f64 = 1e-3;
+
 /// Canonical views of all kinds, in the units of [`Unit`].
 pub(super) struct Views {
     pub(super) unit: Unit,

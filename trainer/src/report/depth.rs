@@ -4,7 +4,7 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use kinds_model::SensorLayout;
 
-use super::canonical::{View, Views};
+use super::canonical::{DIFFERENCE_SHARE_MIN, View, Views};
 use super::drawing::{Drawing, WIDTH_MAX};
 use super::views::panel;
 
@@ -75,7 +75,9 @@ impl Scales {
         // A few pixels of thousands may be off the scale: what the others show is worth more.
         let differences = all(|view| view.difference.iter().map(|difference| difference.abs()).collect());
         let spreads = all(|view| spread(view).collect());
-        let (largest, widest) = (at(&differences, 0.995), at(&spreads, 0.995));
+        // Of a single kind nothing but rounding is left: that is not to be seen in full colours.
+        let largest = at(&differences, 0.995).max(DIFFERENCE_SHARE_MIN * at(&ranges, 1.0));
+        let widest = at(&spreads, 0.995);
         Self {
             range: Scale { ramp: ramp(&RANGE_STOPS), low: at(&ranges, 0.0), high: at(&ranges, 1.0) },
             difference: Scale { ramp: ramp(&DIFFERENCE_STOPS), low: -largest, high: largest },

@@ -51,9 +51,15 @@ fn draw(trials: &[KindsTrial], n_kinds: usize, n_frames_effective: f64) -> Optio
         "Left: information criteria, lower is better, each above its own least value (circle). Consecutive frames of a trip \
          repeat each other, so BIC and CAIC (which the paper uses) ask for too many kinds; the third counts a trip as {n_frames_effective:.0} \
          independent frames. Right: likelihood of contiguous stretches of the trip that the mixture had not seen, higher is \
-         better. Dotted: the {n_kinds} kinds of this model."
+         better. Dotted: the {} of this model.",
+        counted(n_kinds)
     );
     Some(Figure::new("kinds-tried", "What speaks for each number of kinds", caption, None, panels, csv))
+}
+
+/// `1 kind`, `3 kinds`
+fn counted(n_kinds: usize) -> String {
+    format!("{n_kinds} {}", if n_kinds == 1 { "kind" } else { "kinds" })
 }
 
 fn criteria(trials: &[KindsTrial], n_kinds: usize) -> Drawing {
@@ -69,7 +75,7 @@ fn criteria(trials: &[KindsTrial], n_kinds: usize) -> Drawing {
         circle_best(&mut chart, class, curve.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)));
         chart.name_line(row, name, class, *width_px);
     }
-    chart.mark_x(n_kinds as f64, &format!("{n_kinds} kinds"));
+    chart.mark_x(n_kinds as f64, &counted(n_kinds));
     chart.drawing
 }
 
@@ -81,7 +87,7 @@ fn held_out(trials: &[KindsTrial], n_kinds: usize) -> Drawing {
     chart.line(&curve, class, width_px);
     let finite = curve.iter().copied().filter(|(_, held_out)| held_out.is_finite());
     circle_best(&mut chart, class, finite.max_by(|a, b| a.1.total_cmp(&b.1)));
-    chart.mark_x(n_kinds as f64, &format!("{n_kinds} kinds"));
+    chart.mark_x(n_kinds as f64, &counted(n_kinds));
     chart.drawing
 }
 
@@ -150,6 +156,21 @@ pub(super) mod tests {
         let lines: Vec<&str> = figure.csv().lines().collect();
         assert_eq!(lines.len(), 1 + 6);
         assert_eq!(lines[3], "3,-4970,9001,9101,800,-31,true");
+    }
+
+    #[test]
+    fn a_single_kind_is_one_kind() {
+        let trial = KindsTrial {
+            n_kinds: 1,
+            log_likelihood: -9.0,
+            bic: 20.0,
+            caic: 21.0,
+            bic_neff: 4.0,
+            held_out: -3.0,
+            n_starts_collapsed: 0,
+        };
+        let caption = draw(&[trial], 1, 12.0).unwrap().caption().to_string();
+        assert!(caption.ends_with("Dotted: the 1 kind of this model."), "{caption}");
     }
 
     #[test]

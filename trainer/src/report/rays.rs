@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use kinds_model::SensorLayout;
 
 use super::axis::Ticks;
-use super::canonical::{View, Views};
+use super::canonical::{DIFFERENCE_SHARE_MIN, View, Views};
 use super::drawing::{Drawing, WIDTH_MAX};
 use super::kind_style::KindStyle;
 use super::markup::polyline;
@@ -36,7 +36,8 @@ pub(super) fn draw(layout: SensorLayout, views: &Views) -> (Drawing, Vec<Drawing
         .flat_map(|view| view.medoid.iter().chain(view.around.iter().map(|(_, high)| high)));
     let reach = longest.fold(0.0_f64, |longest, value| longest.max(*value)).max(f64::MIN_POSITIVE);
     let differences = views.of_kinds.iter().flat_map(|view| &view.difference);
-    let largest = differences.fold(0.0_f64, |largest, value| largest.max(value.abs())).max(f64::MIN_POSITIVE);
+    // Of a single kind nothing but rounding is left: that is not to fill the panel.
+    let largest = differences.fold(reach * DIFFERENCE_SHARE_MIN, |largest, value| largest.max(value.abs()));
     let scales = Scales { unit: views.unit.name(), reach, largest };
     let panels = views.of_kinds.iter().enumerate();
     let panels = panels.map(|(kind, view)| rings(layout, kind, view, &scales)).collect();

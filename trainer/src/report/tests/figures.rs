@@ -216,6 +216,17 @@ fn rings_are_drawn_as_rays_and_cameras_as_images() {
 }
 
 #[test]
+fn a_single_kind_differs_from_all_frames_by_nothing_that_could_be_seen() {
+    let layout = |rows| SensorLayout { rows, columns: 8, metres_per_count: 0.001 };
+    let one = |rows| canonical_views(&model(layout(rows), Scale::Inverse, 3, 1)).to_svg();
+    // The longest reading is 3.15 m: rings at a round part of its thousandth, not of rounding.
+    let rings: Vec<String> =
+        texts(&one(2)).into_iter().filter(|text| text.ends_with("the strong one is 0")).collect();
+    assert_eq!(rings, ["rings: 0.001 m; the strong one is 0"]);
+    assert_eq!(texts(&one(6)).iter().filter(|text| text.chars().count() > 40).count(), 0);
+}
+
+#[test]
 fn captions_say_how_to_read_a_figure_and_what_it_shows() {
     let check =
         |figure: Figure, expected: &str| assert_eq!(figure.caption().replace('\u{a0}', " "), expected);
