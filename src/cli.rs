@@ -183,7 +183,7 @@ pub(crate) struct ReadingArguments {
     /// Topic of the poses [default: the only one that fits]
     #[arg(long, value_name = "NAME")]
     poses_topic: Option<String>,
-    /// Topic of the commands, what the robot was told to do [default: the only one that fits]
+    /// Topic of the commands, what the robot was told to do [default: the only one that fits; of several, none]
     #[arg(long, value_name = "NAME")]
     commands_topic: Option<String>,
     /// Metres that one count stands for [default: 0.001]

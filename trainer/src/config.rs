@@ -64,7 +64,7 @@ pub struct Config {
     pub frames_topic: Option<String>,
     /// Topic of the poses. Default: the only one that fits.
     pub poses_topic: Option<String>,
-    /// Topic of the commands. Default: the only one that fits.
+    /// Topic of the commands. Default: the only one that fits, and none of several.
     pub commands_topic: Option<String>,
     /// What the robot was told to do, as a part of each frame. Default: frames are compared by readings alone.
     pub commands: CommandsConfig,

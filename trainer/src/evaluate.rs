@@ -282,7 +282,7 @@ pub fn evaluate(rivals: &Rivals, meeting: &Meeting, progress: &mut Progress) -> 
 }
 
 /// Share of the most frequent kind among frames; 0 without frames.
-pub(crate) fn largest_kind_share(kinds: impl Iterator<Item = usize>, n_kinds: usize) -> f64 {
+fn largest_kind_share(kinds: impl Iterator<Item = usize>, n_kinds: usize) -> f64 {
     let mut n_frames_of = vec![0_usize; n_kinds];
     kinds.for_each(|kind| n_frames_of[kind] += 1);
     let n_frames: usize = n_frames_of.iter().sum();

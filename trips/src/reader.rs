@@ -15,7 +15,7 @@ pub struct Selection {
     pub frames_topic: Option<String>,
     /// The topic with poses; `None`: the only one that fits, if any.
     pub poses_topic: Option<String>,
-    /// The topic with commands; `None`: the only one that fits, if any.
+    /// The topic with commands; `None`: the only one that fits, and none of several.
     pub commands_topic: Option<String>,
     /// Metres that one count stands for.
     pub metres_per_count: f64,

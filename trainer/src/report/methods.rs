@@ -1,11 +1,10 @@
 //! Models of the same frames by different methods, side by side: the paper's Table 1, and how alike their kinds are.
 
-use kinds_model::Model;
+use kinds_model::{Model, Provenance};
 
 use super::canonical::responsibilities;
 use super::page::{Column, Page, Table};
 use crate::agreement::adjusted_mutual_information;
-use crate::evaluate::largest_kind_share;
 use crate::runs::Runs;
 
 /// Adds models of the same frames side by side.
@@ -36,14 +35,15 @@ pub fn method_table(models: &[(&str, &Model)]) -> Table {
     let kinds: Vec<Vec<usize>> = models.iter().map(|(_, model)| responsibilities(model).1).collect();
     for (row, ((name, model), of_frames)) in models.iter().zip(&kinds).enumerate() {
         let (n_dims, n_kinds) = (model.manifest().n_dims, model.mixture().n_kinds());
-        let residual_variance = model.manifest().provenance.residual_variance.get(n_dims - 1);
+        let Provenance { residual_variance, largest_kind_share, .. } = &model.manifest().provenance;
+        let residual_variance = residual_variance.get(n_dims - 1);
         table.row(vec![
             name.to_string(),
             model.layout().n_readings().to_string(),
             n_dims.to_string(),
             n_kinds.to_string(),
             residual_variance.map_or("–".to_string(), |variance| format!("{variance:.4}")),
-            format!("{:.1}\u{a0}%", 100.0 * largest_kind_share(of_frames.iter().copied(), n_kinds)),
+            format!("{:.1}\u{a0}%", 100.0 * largest_kind_share),
             format!("{:.1} frames", Runs::of(of_frames).mean_length),
             if row == 0 { "–".to_string() } else { format!("{:.2}", agreement(&kinds[0], of_frames)) },
         ]);
