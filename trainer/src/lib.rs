@@ -17,6 +17,7 @@ pub mod report;
 mod runs;
 mod track;
 mod train;
+mod trip_kinds;
 
 pub use agreement::adjusted_mutual_information;
 pub use config::{CommandsConfig, Config, ConfigError, MethodChoice};
@@ -31,3 +32,4 @@ pub use progress::{Progress, Stage};
 pub use runs::Runs;
 pub use track::Track;
 pub use train::{PcaModels, TrainError, Trained, train};
+pub use trip_kinds::TripKinds;

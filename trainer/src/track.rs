@@ -1,11 +1,12 @@
-//! When and where the frames of a trip were taken: what its figures need once the frames themselves are learnt.
+//! When and where the frames of a trip were taken, and what the robot was told: what is needed of a trip once its frames are
+//! learnt or classified.
 
-use kinds_trips::Pose;
+use kinds_trips::{Command, Pose, Stamp};
 
 use crate::load::LoadedTrip;
-use crate::report::TripKinds;
+use crate::trip_kinds::TripKinds;
 
-/// When and where a robot took the frames of a trip.
+/// When and where a robot took the frames of a trip, and what it had been told to do.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
     /// What to call the trip: its file's name, without folder and extension.
@@ -14,6 +15,8 @@ pub struct Track {
     pub seconds: Vec<f64>,
     /// Where the robot was then, if that is known, shape `(n_frames,)`.
     pub poses: Vec<Option<Pose>>,
+    /// What it had been told to do, if that is known, shape `(n_frames,)`.
+    pub commands: Vec<Option<Command>>,
 }
 
 impl Track {
@@ -30,10 +33,12 @@ impl Track {
     fn of_those(trip: &LoadedTrip, is_taken: fn(&Option<Pose>) -> bool) -> Self {
         let title = trip.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let start_ns = trip.captured.first().map_or(0, |captured| captured.0);
-        let taken = trip.captured.iter().zip(&trip.poses).filter(|(_, pose)| is_taken(pose));
-        let (seconds, poses) =
-            taken.map(|(captured, &pose)| ((captured.0 - start_ns) as f64 / 1e9, pose)).unzip();
-        Self { title, seconds, poses }
+        let known = trip.poses.iter().zip(&trip.commands);
+        let taken = trip.captured.iter().zip(known).filter(|(_, (pose, _))| is_taken(pose));
+        let seconds = |captured: &Stamp| (captured.0 - start_ns) as f64 / 1e9;
+        let (seconds, (poses, commands)) =
+            taken.map(|(captured, (pose, command))| (seconds(captured), (pose, command))).unzip();
+        Self { title, seconds, poses, commands }
     }
 
     /// Number of frames.
@@ -45,16 +50,20 @@ impl Track {
     ///
     /// * `kinds` — shape `(n_frames,)`
     pub fn with_kinds<'a>(&'a self, kinds: &'a [usize]) -> TripKinds<'a> {
-        TripKinds { title: &self.title, seconds: &self.seconds, poses: &self.poses, kinds }
+        TripKinds {
+            title: &self.title,
+            seconds: &self.seconds,
+            poses: &self.poses,
+            commands: &self.commands,
+            kinds,
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use kinds_model::SensorLayout;
-    use kinds_trips::Stamp;
-
     use super::*;
+    use kinds_model::SensorLayout;
 
     #[test]
     fn time_runs_from_the_trips_first_frame_though_nobody_knew_where_that_was() {
@@ -70,11 +79,16 @@ mod tests {
             truncation: None,
         };
         let title = "fourth-floor-1".to_string();
-        let all = Track { title: title.clone(), seconds: vec![0.0, 0.25, 0.5], poses: trip.poses.clone() };
+        let all = Track {
+            title: title.clone(),
+            seconds: vec![0.0, 0.25, 0.5],
+            poses: trip.poses.clone(),
+            commands: vec![None; 3],
+        };
         assert_eq!(Track::of(&trip), all);
         assert_eq!(
             Track::placed(&trip),
-            Track { title, seconds: vec![0.25, 0.5], poses: vec![place, place] }
+            Track { title, seconds: vec![0.25, 0.5], poses: vec![place, place], commands: vec![None; 2] }
         );
     }
 }

@@ -2,9 +2,9 @@
 
 use kinds_model::Model;
 use kinds_trainer::report::{
-    Page, TripKinds, add_evaluation, add_methods, add_model, add_trips, consistency_table, kinds_on_path,
+    Page, add_evaluation, add_methods, add_model, add_trips, consistency_table, kinds_on_path,
 };
-use kinds_trainer::{Evaluation, LoadedTrip, Runs, Track};
+use kinds_trainer::{Evaluation, LoadedTrip, Runs, Track, TripKinds};
 
 use crate::commands::evaluate;
 

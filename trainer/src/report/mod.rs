@@ -7,7 +7,7 @@
 //! ([`consistency`]). [`add_model`], [`add_methods`], [`add_trips`] and [`add_evaluation`] put them on a page with their tables and words:
 //!
 //! ```no_run
-//! # fn report(model: &kinds_model::Model, trips: &[kinds_trainer::report::TripKinds], evaluation: &kinds_trainer::Evaluation) {
+//! # fn report(model: &kinds_model::Model, trips: &[kinds_trainer::TripKinds], evaluation: &kinds_trainer::Evaluation) {
 //! use kinds_trainer::report::{Page, add_evaluation, add_model, add_trips};
 //!
 //! let mut page = Page::new("Kinds of crunch/ring");
@@ -43,7 +43,6 @@ mod scores;
 mod sections;
 mod theme;
 mod time;
-mod trip_kinds;
 mod views;
 
 pub use curves::{residual_variance, spectrum};
@@ -57,7 +56,6 @@ pub use path::kinds_on_path;
 pub use scores::{consistency, consistency_table};
 pub use sections::{add_evaluation, add_learnt_trips, add_model, add_trips, method_name};
 pub use time::kinds_along_time;
-pub use trip_kinds::TripKinds;
 pub use views::canonical_views;
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use super::drawing::{Drawing, WIDTH_MAX};
 use super::figure::Figure;
 use super::kind_style::{KindStyle, legend, names, runs};
 use super::markup::{Csv, percent, polyline};
-use super::trip_kinds::TripKinds;
+use crate::trip_kinds::TripKinds;
 
 /// Tallest map, pixels.
 const HEIGHT_PX_MAX: f64 = 420.0;

@@ -6,13 +6,13 @@ use kinds_model::{
 
 use super::canonical::responsibilities;
 use super::page::{Column, Page, Table};
-use super::trip_kinds::TripKinds;
 use super::{
     canonical_views, consistency, consistency_table, embedding, kinds_along_time, kinds_on_path, kinds_tried,
     neighbors_tried, residual_variance, spectrum,
 };
 use crate::evaluate::Evaluation;
 use crate::track::Track;
+use crate::trip_kinds::TripKinds;
 
 /// Adds what a model is, how its dimensions and kinds were chosen, and what the kinds look like.
 ///

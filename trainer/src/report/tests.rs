@@ -19,6 +19,7 @@ use super::kind_style::KindStyle;
 use super::*;
 use crate::evaluate::{Evaluation, MethodScores, Methods};
 use crate::track::Track;
+use crate::trip_kinds::TripKinds;
 
 /// A model of a robot that goes from place to place, over and over: 120 frames in one, 80 and 40 in others.
 fn model(sensor: SensorLayout, scale: Scale, n_dims: usize, n_kinds: usize) -> Model {
@@ -84,6 +85,7 @@ const TRIP: TripKinds = TripKinds {
     title: "trip <1>",
     seconds: &[0.0, 0.1, 0.2, 0.3, 0.4],
     poses: &[at(0.0, 2.0), at(1.0, 2.0), at(2.0, 2.0), at(3.0, 2.0), at(4.0, 2.0)],
+    commands: &[],
     kinds: &[0, 0, 1, 1, 0],
 };
 
@@ -408,6 +410,7 @@ fn check_that_kinds_are_dealt_to_trips(model: &Model) {
         title: title.to_string(),
         seconds: (0..n_frames).map(|index| index as f64).collect(),
         poses: vec![at(1.0, 2.0); n_frames],
+        commands: vec![None; n_frames],
     };
     let mut page = Page::new("Kinds");
     add_learnt_trips(&mut page, model, &[track("one", 100), track("two", 140)]);

@@ -8,7 +8,7 @@ use super::drawing::{Drawing, WIDTH_MAX};
 use super::figure::Figure;
 use super::kind_style::{KindStyle, runs};
 use super::markup::{Csv, px};
-use super::trip_kinds::TripKinds;
+use crate::trip_kinds::TripKinds;
 
 const ROW_PX: f64 = 17.0;
 
@@ -86,7 +86,8 @@ mod tests {
     fn changes_are_counted_and_one_is_once() {
         let check = |seconds: &[f64], kinds: &[usize], expected: &str| {
             assert_eq!(
-                sentence(&TripKinds { title: "trip", seconds, poses: &[], kinds }).replace('\u{a0}', " "),
+                sentence(&TripKinds { title: "trip", seconds, poses: &[], commands: &[], kinds })
+                    .replace('\u{a0}', " "),
                 expected
             );
         };

@@ -33,7 +33,8 @@ fn every_stretch_of_the_path_has_the_colour_and_the_width_of_its_kind() {
 fn a_metre_is_as_long_across_as_up_whatever_the_trip() {
     for (x_m, y_m) in [(40.0, 3.0), (3.0, 40.0), (5.0, 5.0), (0.0, 0.0)] {
         let corners = [at(0.0, 0.0), at(x_m, 0.0), at(x_m, y_m)];
-        let trip = TripKinds { title: "trip", seconds: &[], poses: &corners, kinds: &[0, 0, 0] };
+        let trip =
+            TripKinds { title: "trip", seconds: &[], poses: &corners, commands: &[], kinds: &[0, 0, 0] };
         let svg = kinds_on_path("path", "Path", 1, &[trip]).to_svg();
         let document = parse(&svg);
         // The first is the legend's.
@@ -60,7 +61,7 @@ fn a_long_trip_stays_a_light_file() {
         .map(|turn| at(20.0 * turn.cos() + turn, 20.0 * turn.sin()))
         .collect();
     let kinds: Vec<usize> = (0..2200).map(|index| index / 7 % 20).collect();
-    let trip = TripKinds { title: "trip", seconds: &[], poses: &poses, kinds: &kinds };
+    let trip = TripKinds { title: "trip", seconds: &[], poses: &poses, commands: &[], kinds: &kinds };
     let n_bytes = kinds_on_path("path", "Path", 20, &[trip]).to_svg().len();
     // Two numbers of up to six characters and two more for each frame, and 100 for each of 315 stretches and the rest.
     assert!(n_bytes < 2200 * 14 + 100 * (315 + 100), "{n_bytes} bytes");
