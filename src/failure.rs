@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use kinds_driver_shim::ShimError;
 use kinds_messages::ChannelError;
 use kinds_model::FitError;
-use kinds_trainer::{EvaluateError, LoadError, TrainError};
+use kinds_trainer::{EvaluateError, LoadError, MeetingError, RivalError, TrainError};
 use kinds_trips::{TripError, TripWriteError};
 
 use crate::model_file::ModelFailure;
@@ -67,7 +67,7 @@ macro_rules! could_not {
     )*};
 }
 
-could_not!(ChannelError, ModelFailure, ShimError, TripWriteError);
+could_not!(ChannelError, MeetingError, ModelFailure, RivalError, ShimError, TripWriteError);
 
 impl From<TripError> for Failure {
     fn from(error: TripError) -> Self {

@@ -34,6 +34,7 @@ impl StepBar {
             Stage::Fitting(Step::Embedding) => "embedding".to_string(),
             Stage::Fitting(Step::Kinds) => "kinds".to_string(),
             Stage::Classifying => "classifying".to_string(),
+            Stage::Comparing => "comparing".to_string(),
         };
         if self.name != name {
             self.clear();

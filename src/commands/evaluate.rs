@@ -1,80 +1,92 @@
 //! `kinds evaluate`: is a place seen again of the same kind?
 
-use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use kinds_model::Model;
-use kinds_trainer::{Evaluation, EvaluationPlan, Meeting, MethodScores, Rivals, Stage, load};
+use kinds_trainer::{
+    Evaluation, LoadedTrip, Meetings, MethodScores, PairScores, Rivals, Scores, Stage, evaluate_single, load,
+};
 use kinds_trips::Selection;
 
 use crate::cli::EvaluateArguments;
 use crate::failure::Failure;
 use crate::model_file;
 use crate::progress::StepBar;
+use crate::say::say;
 
 pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
+    arguments.plan().check()?;
     let model = model_file::open(&arguments.model)?;
-    let selection = arguments.selection(model.layout().metres_per_count);
-    let plan = EvaluationPlan { radius_m: arguments.radius_m, share: arguments.share, seed: arguments.seed };
-    let evaluation = evaluate(model, [&arguments.trip1, &arguments.trip2], &selection, &plan)?;
-    let mut out = std::io::stdout().lock();
+    let evaluation = evaluate(model, arguments)?;
     if arguments.json {
         let json = serde_json::to_string_pretty(&evaluation).expect("an evaluation is plain data");
-        writeln!(out, "{json}")?;
-    } else {
-        writeln!(out, "{}\n", headline(&evaluation))?;
-        for line in table(&evaluation) {
-            writeln!(out, "{line}")?;
+        return say(json);
+    }
+    for remark in &evaluation.not_compared {
+        eprintln!("kinds: {remark}");
+    }
+    for (index, pair) in evaluation.pairs.iter().enumerate() {
+        if evaluation.pairs.len() > 1 {
+            let blank = if index == 0 { "" } else { "\n" };
+            say(format!("{blank}{} revisited by {}", pair.trips[0], pair.trips[1]))?;
         }
+        say(format!("{}\n", headline(&pair.forward.scores)))?;
+        table(&pair.forward.scores).into_iter().try_for_each(say)?;
+        say(backward(pair))?;
     }
     Ok(())
 }
 
 /// Evaluates with a progress bar.
-fn evaluate(
-    model: Model,
-    trips: [&Path; 2],
-    selection: &Selection,
-    plan: &EvaluationPlan,
-) -> Result<Evaluation, Failure> {
+fn evaluate(model: Model, arguments: &EvaluateArguments) -> Result<Evaluation, Failure> {
     let mut bar = StepBar::new();
-    let mut read = |path: &Path| {
-        let trip = load(path, selection, &mut |stage, done, all| bar.show(stage, done, all))?;
-        if let Some(remark) = &trip.truncation {
-            eprintln!("kinds: {remark}");
-        }
-        Ok::<_, Failure>(trip)
+    let selection = arguments.selection(model.layout().metres_per_count);
+    let mut read = |paths: &[PathBuf]| -> Result<Vec<LoadedTrip>, Failure> {
+        paths.iter().map(|path| read_trip(path, &selection, &model, &mut bar)).collect()
     };
-    let (first, second) = (read(trips[0])?, read(trips[1])?);
-    if model.commands().is_some() {
-        first.require_commands()?;
-        second.require_commands()?;
-    }
-    let meeting = Meeting::find(model.layout(), &first, &second, plan)?;
+    let (home, elsewhere) = (read(&arguments.trips)?, read(&arguments.elsewhere)?);
+    let plan = arguments.plan();
+    let meetings = Meetings::find(model.layout(), &[&home, &elsewhere], &plan.same_place())?;
     let mut show = |stage: Stage, done, all| bar.show(stage, done, all);
+    if meetings.is_empty() {
+        return Ok(evaluate_single(&model, &meetings, &plan, &mut show));
+    }
     let rivals = Rivals::of(model, &mut show)?;
-    Ok(kinds_trainer::evaluate(&rivals, &meeting, &mut show))
+    Ok(kinds_trainer::evaluate(&rivals, &meetings, &plan, &mut show)?)
+}
+
+fn read_trip(
+    path: &Path,
+    selection: &Selection,
+    model: &Model,
+    bar: &mut StepBar,
+) -> Result<LoadedTrip, Failure> {
+    let trip = load(path, selection, &mut |stage, done, all| bar.show(stage, done, all))?;
+    if let Some(remark) = &trip.truncation {
+        eprintln!("kinds: {remark}");
+    }
+    if model.commands().is_some() {
+        trip.require_commands()?;
+    }
+    Ok(trip)
 }
 
 /// What was measured, for a person.
-pub(crate) fn headline(evaluation: &Evaluation) -> String {
+pub(crate) fn headline(scores: &Scores) -> String {
     format!(
         "{:.0} % of the first trip's frames were revisited within {} m; consistent: over {:.0} % of those of the same kind",
-        100.0 * evaluation.revisited,
-        evaluation.radius_m,
-        100.0 * evaluation.share,
+        100.0 * scores.revisited,
+        scores.radius_m,
+        100.0 * scores.share,
     )
 }
 
 /// The methods side by side, for a person: a line each, and one of titles.
-pub(crate) fn table(evaluation: &Evaluation) -> Vec<String> {
-    let methods = &evaluation.methods;
-    let native = methods.native.map(|native| ("native", native));
-    let rows = [("Isomap", methods.isomap), ("PCA", methods.pca)].into_iter().chain(native);
-    let rows = rows.chain([("random", methods.random)]);
-    let line = |(name, scores): (&str, MethodScores)| {
+pub(crate) fn table(scores: &Scores) -> Vec<String> {
+    let line = |(name, scores): (&str, &MethodScores)| {
+        let interval = scores.confidence.map_or(String::new(), |confidence| interval(confidence.kappa));
         format!(
-            "{name:6} {:>5} {:>6} {:>10.1} % {:>5.1} % {:>6.2} {:>5.2} {:>11.1} %",
+            "{name:6} {:>5} {:>6} {:>10.1} % {:>5.1} % {:>6.2} {interval:>14} {:>5.2} {:>11.1} %",
             scores.n_dims,
             scores.n_kinds,
             100.0 * scores.consistency,
@@ -84,8 +96,26 @@ pub(crate) fn table(evaluation: &Evaluation) -> Vec<String> {
             100.0 * scores.largest_kind_share,
         )
     };
-    let titles = "method  dims  kinds  consistency  chance  kappa   AMI  largest kind".to_string();
-    std::iter::once(titles).chain(rows.map(line)).collect()
+    let titles =
+        "method  dims  kinds  consistency  chance  kappa  95 % of kappa   AMI  largest kind".to_string();
+    let named = scores.methods.named();
+    // A word is enough beside a table.
+    let short = named.into_iter().map(|(name, scores)| (name.trim_end_matches(" space"), scores));
+    std::iter::once(titles).chain(short.map(line)).collect()
+}
+
+/// The model's own scores the other way round, for a person.
+fn backward(pair: &PairScores) -> String {
+    let Scores { revisited, methods, .. } = &pair.backward.scores;
+    let named = methods.named();
+    let of = |(name, scores): &(&str, &MethodScores)| format!("{name} {:.2}", hundredths(scores.kappa));
+    let kappas: Vec<String> = named.iter().map(of).collect();
+    format!("the other way round {:.0} % were revisited; kappa: {}", 100.0 * revisited, kappas.join(", "))
+}
+
+/// ` 0.41 …  0.58`
+fn interval([low, high]: [f64; 2]) -> String {
+    format!("{:.2} … {:>5.2}", hundredths(low), hundredths(high))
 }
 
 /// Rounded, without a minus before a zero.

@@ -1,117 +1,125 @@
-//! Evaluates models on two trips: Isomap, principal components and random kinds, at the same number of dimensions and
-//! kinds; beside them native space, where that is what is evaluated.
+//! Evaluates models on trips: do places seen again get the same kind? By Isomap, principal components and random kinds, at the
+//! same number of dimensions and kinds; beside them native space, where that is what is evaluated.
 //!
-//! Find where trips meet ([`Meeting`]), fit the other method once ([`Rivals`]), then [`evaluate`], for as many pairs of
-//! trips as there are.
+//! Find where trips meet ([`Meetings`]), fit the other method once ([`Rivals`]), then [`evaluate`].
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
-use kinds_model::{Classifier, Command, FitError, Method, Model, SensorLayout, Size, refit};
+use kinds_model::{Classifier, Method, Model};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::agreement::adjusted_mutual_information;
-use crate::consistency::{Places, Revisits, kappa};
 use crate::load::{LoadedTrip, of_model};
-use crate::progress::{Progress, Stage, fitting};
+use crate::meeting::{MeetingError, Meetings, Pair, Placed};
+use crate::places::SamePlace;
+use crate::progress::{Progress, Stage, Told};
+use crate::registration::{self, RegistrationScores};
+use crate::rivals::{RivalError, Rivals};
+use crate::scores::{Comparison, DirectedScores, MethodKinds, Scores};
+use crate::surface::Grid;
+use crate::track::Track;
+use crate::trip_kinds::TripKinds;
+
+/// Frames that one thread classifies before it asks for more.
+const N_FRAMES_AT_A_TIME: usize = 64;
 
 /// How consistency is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EvaluationPlan {
     /// R: frames no farther apart saw the same place, metres.
     pub radius_m: f64,
+    /// How far headings at the same place may differ, radians; None where a place is the same from every side.
+    pub heading_tolerance_rad: Option<f64>,
     /// Z: strictly more than this share of the frames near a frame must have its kind, 0…1.
     pub share: f64,
-    /// Seed of the random kinds.
+    /// Radii of the surface, evenly spread up to the greatest.
+    pub n_radii: usize,
+    /// The greatest, metres; None for twice R.
+    pub radius_m_max: Option<f64>,
+    /// Shares of the surface, evenly spread from 0 to below 1.
+    pub n_shares: usize,
+    /// Resamples of the path that confidence is from.
+    pub n_resamples: usize,
+    /// Seed of the random kinds, the resamples and the errors of registration.
     pub seed: u64,
+}
+
+impl Default for EvaluationPlan {
+    fn default() -> Self {
+        Self {
+            radius_m: 0.3,
+            heading_tolerance_rad: None,
+            share: 0.5,
+            n_radii: 20,
+            radius_m_max: None,
+            n_shares: 20,
+            n_resamples: 1000,
+            seed: 0,
+        }
+    }
 }
 
 /// The evaluation, as scripts read it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evaluation {
-    /// R, metres.
-    pub radius_m: f64,
-    /// Z.
-    pub share: f64,
-    /// Share of the first trip's frames with at least one frame of the second within R.
-    pub revisited: f64,
-    /// By method.
-    pub methods: Methods,
-    /// Isomap's kind of every frame whose place is known, of either trip, in order of time. Scripts do not read it.
+    /// Of the first pair of trips, the second trip revisiting the first; none of a single trip.
+    #[serde(flatten)]
+    pub scores: Option<Scores>,
+    /// The method of the evaluated model, whose kinds are those of the trips.
+    pub method: &'static str,
+    /// Radii and shares of the surfaces.
+    pub grid: Grid,
+    /// Any two trips through the same space that meet.
+    pub pairs: Vec<PairScores>,
+    /// Why other pairs through the same space were not compared.
+    pub not_compared: Vec<String>,
+    /// The trips, space by space. Scripts read what was made of them instead.
     #[serde(skip)]
-    pub isomap_kinds: [Vec<usize>; 2],
+    pub trips: Vec<ClassifiedTrip>,
 }
 
-/// The methods, all with as many kinds.
+/// How well kinds repeat on two trips through the same space.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Methods {
-    /// Geodesics.
-    pub isomap: MethodScores,
-    /// Straight distances, in as many dimensions as Isomap.
-    pub pca: MethodScores,
-    /// The readings as they are, if that is the model's method.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub native: Option<MethodScores>,
-    /// Every frame's kind drawn at random.
-    pub random: MethodScores,
+pub struct PairScores {
+    /// Which space, from 0.
+    pub space: usize,
+    /// The trips' names.
+    pub trips: [String; 2],
+    /// The second revisits the first.
+    pub forward: DirectedScores,
+    /// The first revisits the second.
+    pub backward: DirectedScores,
+    /// With errors in the second trip's poses, by the model's own method.
+    pub registration: Vec<RegistrationScores>,
 }
 
-/// How consistent one method's kinds are.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct MethodScores {
-    /// d; 0 for random kinds.
-    pub n_dims: usize,
-    /// J.
-    pub n_kinds: usize,
-    /// C: share of the revisited frames that are consistent.
-    pub consistency: f64,
-    /// C₀: the same by chance.
-    pub chance: f64,
-    /// κ = (C − C₀) / (1 − C₀).
-    pub kappa: f64,
-    /// Adjusted mutual information between a frame's kind and its nearest frame's.
-    pub ami: f64,
-    /// Share of the most frequent kind among the frames of both trips: one giant kind is consistent and useless.
-    pub largest_kind_share: f64,
+/// A trip with the kind of each of its frames by the evaluated model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ClassifiedTrip {
+    /// Which space it leads through, from 0.
+    pub space: usize,
+    /// When and where its frames were taken: all that have a valid reading.
+    pub track: Track,
+    /// The most probable kind, shape `(n_frames,)`.
+    pub kinds: Vec<usize>,
 }
 
-/// Why two trips cannot be compared.
+impl ClassifiedTrip {
+    /// As figures, maps and policies take it.
+    pub fn trip_kinds(&self) -> TripKinds<'_> {
+        self.track.with_kinds(&self.kinds)
+    }
+}
+
+/// Why trips cannot be evaluated.
 #[derive(Debug, thiserror::Error)]
 pub enum EvaluateError {
-    /// Frames of another sensor.
-    #[error("trip {path} has frames of {found}; the model understands frames of {expected}")]
-    OtherSensor {
-        /// The trip.
-        path: PathBuf,
-        /// Its frames.
-        found: SensorLayout,
-        /// The model's.
-        expected: SensorLayout,
-    },
-    /// Nobody knows where the robot was.
-    #[error(
-        "trip {path} has no poses: consistency compares the kinds of one place, so evaluation needs \
-         nav_msgs/msg/Odometry or geometry_msgs/msg/PoseStamped in both trips (training does not)"
-    )]
-    NoPoses {
-        /// The trip.
-        path: PathBuf,
-    },
-    /// Different places.
-    #[error(
-        "no frame of {first} has a frame of {second} within {radius_m} m: the trips do not meet, or their poses have different origins; try a larger radius"
-    )]
-    NeverMeet {
-        /// One trip.
-        first: PathBuf,
-        /// The other.
-        second: PathBuf,
-        /// R, metres.
-        radius_m: f64,
-    },
+    /// Trips that cannot be compared.
+    #[error(transparent)]
+    Meeting(#[from] MeetingError),
     /// A number outside its limits.
     #[error("{field} is {value}; it must be {limit}")]
     Limit {
@@ -123,211 +131,205 @@ pub enum EvaluateError {
         limit: &'static str,
     },
     /// The model for comparison.
-    #[error("cannot fit {method} to the model's reference frames for comparison: {error}")]
-    Refit {
-        /// Which method, in words.
-        method: &'static str,
-        /// Why.
-        error: FitError,
-    },
+    #[error(transparent)]
+    Rival(#[from] RivalError),
 }
 
-/// Two trips that meet, and what is compared where they do. Found without any model, so that trips which never meet
-/// need not wait for one to be fitted.
-#[derive(Debug)]
-pub struct Meeting<'a> {
-    plan: EvaluationPlan,
-    layout: SensorLayout,
-    trips: [Placed<'a>; 2],
-    revisits: Revisits,
-}
-
-impl<'a> Meeting<'a> {
-    /// Finds where two trips meet.
-    ///
-    /// * `layout` — of the sensor whose kinds are to be compared
+impl EvaluationPlan {
+    /// Checks every number against its limits.
     ///
     /// # Errors
-    /// If a trip is of another sensor or has no poses, or the trips never meet.
-    pub fn find(
-        layout: SensorLayout,
-        first: &'a LoadedTrip,
-        second: &'a LoadedTrip,
-        plan: &EvaluationPlan,
-    ) -> Result<Self, EvaluateError> {
-        check(plan)?;
-        for trip in [first, second] {
-            if trip.layout != layout {
-                let (path, found) = (trip.path.clone(), trip.layout);
-                return Err(EvaluateError::OtherSensor { path, found, expected: layout });
-            }
-        }
-        let trips = [Placed::of(first)?, Placed::of(second)?];
-        let revisits = Revisits::find(&trips[0].places, &trips[1].places, plan.radius_m);
-        if revisits.share_revisited() == 0.0 {
-            let (first, second) = (first.path.clone(), second.path.clone());
-            return Err(EvaluateError::NeverMeet { first, second, radius_m: plan.radius_m });
-        }
-        Ok(Self { plan: *plan, layout, trips, revisits })
-    }
-
-    /// Kinds of both trips' frames by a model.
-    fn classify(&self, model: &Model, classified: &mut dyn FnMut()) -> [Vec<usize>; 2] {
-        let mut classifier = Classifier::new(Arc::new(model.clone()));
-        [0, 1].map(|trip| {
-            let kind = |&(counts, command): &(&[u16], Option<Command>)| {
-                let kind = classifier.classify_commanded(counts, command).kind;
-                classified();
-                kind
-            };
-            self.trips[trip].frames.iter().map(kind).collect()
-        })
-    }
-
-    fn random(&self, n_kinds: usize) -> [Vec<usize>; 2] {
-        let mut random = ChaCha8Rng::seed_from_u64(self.plan.seed);
-        [0, 1].map(|trip| {
-            let n_frames = self.trips[trip].frames.len();
-            (0..n_frames).map(|_| random.random_range(0..n_kinds)).collect()
-        })
-    }
-
-    fn score(&self, n_dims: usize, n_kinds: usize, kinds: &[Vec<usize>; 2]) -> MethodScores {
-        let [first, second] = kinds;
-        let measured = self.revisits.consistency(first, second, self.plan.share).expect("the trips meet");
-        let pairs: Vec<_> = self.revisits.pairs(first, second).collect();
-        MethodScores {
-            n_dims,
-            n_kinds,
-            consistency: measured.consistency,
-            chance: measured.chance,
-            kappa: kappa(measured),
-            ami: adjusted_mutual_information(&pairs),
-            largest_kind_share: largest_kind_share(kinds.iter().flatten().copied(), n_kinds),
-        }
-    }
-}
-
-/// A model of either method, with the same frames, landmarks, number of dimensions and number of kinds, and perhaps one of
-/// the frames as they are, with the same number of kinds.
-#[derive(Clone, Debug)]
-pub struct Rivals {
-    /// Geodesics.
-    pub isomap: Model,
-    /// Straight distances.
-    pub pca: Model,
-    /// No embedding.
-    pub native: Option<Model>,
-}
-
-impl Rivals {
-    /// Fits the rivals of a model: the methods that it does not use, to its reference frames, each of which counts for all
-    /// frames that it stands for ([`refit`]).
-    ///
-    /// Native space has no dimensions to match: of a model of it, Isomap's rival has as many as the evidence speaks for, and
-    /// that of principal components as many as Isomap's.
-    ///
-    /// # Errors
-    /// If another method cannot be fitted with as many dimensions and kinds.
-    pub fn of(model: Model, progress: &mut Progress) -> Result<Self, EvaluateError> {
-        let mut isomap_of = |model: &Model, size| {
-            refit(model, Method::Isomap, size, &mut fitting(progress))
-                .map_err(|error| EvaluateError::Refit { method: "Isomap", error })
+    /// If one is outside them.
+    pub fn check(&self) -> Result<(), EvaluateError> {
+        let limit = |field, value, is_within: bool, limit| match is_within {
+            true => Ok(()),
+            false => Err(EvaluateError::Limit { field, value, limit }),
         };
-        let (isomap, native) = match model.manifest().plan.method {
-            Method::Pca => {
-                let isomap = isomap_of(&model, Size::Matched)?;
-                return Ok(Self { isomap, pca: model, native: None });
-            }
-            Method::Isomap => (model, None),
-            Method::Native => (isomap_of(&model, Size::SameKinds)?, Some(model)),
-        };
-        let pca = refit(&isomap, Method::Pca, Size::Matched, &mut fitting(progress))
-            .map_err(|error| EvaluateError::Refit { method: "principal components", error })?;
-        Ok(Self { isomap, pca, native })
+        let is_length = |length_m: f64| length_m.is_finite() && length_m >= 0.0;
+        limit("radius_m", self.radius_m, is_length(self.radius_m), "at least 0 m")?;
+        limit("share", self.share, (0.0..1.0).contains(&self.share), "at least 0 and below 1")?;
+        if let Some(radius_m) = self.radius_m_max {
+            limit("radius_m_max", radius_m, is_length(radius_m) && radius_m > 0.0, "above 0 m")?;
+        }
+        if let Some(tolerance_rad) = self.heading_tolerance_rad {
+            let degrees = tolerance_rad.to_degrees();
+            limit("heading_deg", degrees, (0.0..=180.0).contains(&degrees), "between 0° and 180°")?;
+        }
+        let between = "between 1 and 100";
+        limit("radii", self.n_radii as f64, (1..=100).contains(&self.n_radii), between)?;
+        limit("shares", self.n_shares as f64, (1..=100).contains(&self.n_shares), between)
+    }
+
+    /// What counts as the same place.
+    pub fn same_place(&self) -> SamePlace {
+        SamePlace { radius_m: self.radius_m, heading_tolerance_rad: self.heading_tolerance_rad }
+    }
+
+    fn grid(&self) -> Grid {
+        match self.radius_m_max.unwrap_or(2.0 * self.radius_m) {
+            // At radius 0 there is only that.
+            0.0 => Grid::new(0.0, 1, self.n_shares),
+            radius_m_max => Grid::new(radius_m_max, self.n_radii, self.n_shares),
+        }
     }
 }
 
-/// Measures how consistent kinds are where two trips meet, by both methods and at random.
+/// Measures how consistent kinds are where trips meet, by both methods and at random.
+///
+/// # Errors
+/// If a number of the plan is outside its limits.
 ///
 /// # Panics
-/// If the trips are not of the models' sensor: a bug of the caller, whom [`Meeting::find`] asked for it.
-pub fn evaluate(rivals: &Rivals, meeting: &Meeting, progress: &mut Progress) -> Evaluation {
-    let Rivals { isomap, pca, native } = rivals;
-    assert_eq!(meeting.layout, isomap.layout(), "trips and models are of one sensor");
-    let n_methods = 2 + u64::from(native.is_some());
-    let n_frames = n_methods * meeting.trips.iter().map(|trip| trip.frames.len() as u64).sum::<u64>();
-    let mut n_done = 0;
-    let mut classified = || {
-        n_done += 1;
-        progress(Stage::Classifying, n_done, n_frames);
-    };
-    let mut score = |model: &Model| {
-        let kinds = meeting.classify(model, &mut classified);
-        (meeting.score(model.manifest().n_dims, model.mixture().n_kinds(), &kinds), kinds)
-    };
-    let (isomap, isomap_kinds) = score(isomap);
-    Evaluation {
-        radius_m: meeting.plan.radius_m,
-        share: meeting.plan.share,
-        revisited: meeting.revisits.share_revisited(),
-        methods: Methods {
-            isomap,
-            pca: score(pca).0,
-            native: native.as_ref().map(|native| score(native).0),
-            random: meeting.score(0, isomap.n_kinds, &meeting.random(isomap.n_kinds)),
-        },
-        isomap_kinds,
-    }
-}
-
-/// Share of the most frequent kind among frames; 0 without frames.
-fn largest_kind_share(kinds: impl Iterator<Item = usize>, n_kinds: usize) -> f64 {
-    let mut n_frames_of = vec![0_usize; n_kinds];
-    kinds.for_each(|kind| n_frames_of[kind] += 1);
-    let n_frames: usize = n_frames_of.iter().sum();
-    let largest = n_frames_of.into_iter().max().unwrap_or(0);
-    largest as f64 / n_frames.max(1) as f64
-}
-
-fn check(plan: &EvaluationPlan) -> Result<(), EvaluateError> {
-    let EvaluationPlan { radius_m, share, .. } = *plan;
-    if !(radius_m.is_finite() && radius_m > 0.0) {
-        return Err(EvaluateError::Limit { field: "radius_m", value: radius_m, limit: "above 0 m" });
-    }
-    if !(0.0..1.0).contains(&share) {
-        return Err(EvaluateError::Limit { field: "share", value: share, limit: "at least 0 and below 1" });
-    }
-    Ok(())
-}
-
-/// The frames of a trip whose place is known.
-#[derive(Debug)]
-struct Placed<'a> {
-    places: Places,
-    /// What the sensor saw and the robot had been told.
-    frames: Vec<(&'a [u16], Option<Command>)>,
-}
-
-impl<'a> Placed<'a> {
-    fn of(trip: &'a LoadedTrip) -> Result<Self, EvaluateError> {
-        let commands = trip.commands.iter().map(|command| command.map(of_model));
-        let known = trip.poses.iter().zip(trip.frames().zip(commands));
-        let (poses, frames): (Vec<_>, Vec<_>) =
-            known.filter_map(|(pose, frame)| Some(((*pose)?, frame))).unzip();
-        match poses.is_empty() {
-            true => Err(EvaluateError::NoPoses { path: trip.path.clone() }),
-            false => Ok(Self { places: Places { poses }, frames }),
+/// If the trips are not of the models' sensor: a bug of the caller, whom [`Meetings::find`] asked for it.
+pub fn evaluate(
+    rivals: &Rivals,
+    meetings: &Meetings,
+    plan: &EvaluationPlan,
+    progress: &mut Progress,
+) -> Result<Evaluation, EvaluateError> {
+    plan.check()?;
+    assert_eq!(meetings.layout, rivals.isomap.layout(), "trips and models are of one sensor");
+    let own = place_of(rivals.own);
+    let models = rivals.models();
+    // Shape (n_methods, n_trips), each the kinds of a trip's frames.
+    let kinds = classify(&models, &meetings.trips, progress);
+    let random = random_kinds(&meetings.trips, rivals.isomap.mixture().n_kinds(), plan.seed);
+    let (grid, same_place) = (plan.grid(), meetings.same_place);
+    let n_frames =
+        |pair: &Pair| pair.trips.iter().map(|&trip| meetings.trips[trip].frames.len() as u64).sum::<u64>();
+    let n_steps = meetings.pairs.iter().map(|pair| n_frames(pair) + registration::N_STEPS).sum::<u64>();
+    let told = Told::new(Stage::Comparing, n_steps, progress);
+    let tell = |n| told.add(n);
+    let pairs = meetings.pairs.iter().map(|pair| {
+        let [first, second] = pair.trips;
+        let directed = |direction: usize, [first, second]: [usize; 2]| {
+            let placed = [first, second].map(|trip| &meetings.trips[trip]);
+            let of_models = models.iter().zip(&kinds).map(|(model, kinds)| MethodKinds {
+                n_dims: model.manifest().n_dims,
+                n_kinds: model.mixture().n_kinds(),
+                kinds: [placed[0].of_placed(&kinds[first]), placed[1].of_placed(&kinds[second])],
+            });
+            let at_random = MethodKinds {
+                n_dims: 0,
+                n_kinds: rivals.isomap.mixture().n_kinds(),
+                kinds: [first, second].map(|trip| random[trip].clone()),
+            };
+            let comparison = Comparison {
+                places: placed.map(|placed| &placed.places),
+                revisits: &pair.revisits[direction],
+                radius_m: plan.radius_m,
+                heading_tolerance_rad: plan.heading_tolerance_rad,
+                share: plan.share,
+                grid: &grid,
+                n_resamples: plan.n_resamples,
+                seed: plan.seed,
+            };
+            comparison.score(&of_models.chain([at_random]).collect::<Vec<_>>(), own, &tell)
+        };
+        let placed = pair.trips.map(|trip| &meetings.trips[trip]);
+        let own_kinds = [0, 1].map(|which| placed[which].of_placed(&kinds[own][pair.trips[which]]));
+        PairScores {
+            space: placed[0].space,
+            trips: placed.map(|placed| Track::title_of(placed.trip)),
+            forward: directed(0, [first, second]),
+            backward: directed(1, [second, first]),
+            registration: registration::scores(
+                placed.map(|placed| &placed.places),
+                [&own_kinds[0], &own_kinds[1]],
+                &same_place,
+                plan.share,
+                plan.seed,
+                &|| tell(1),
+            ),
         }
+    });
+    let pairs: Vec<PairScores> = pairs.collect();
+    Ok(Evaluation {
+        scores: pairs.first().map(|pair| pair.forward.scores.clone()),
+        method: NAMES[own],
+        grid,
+        not_compared: meetings.unmet().iter().map(ToString::to_string).collect(),
+        trips: classified(&meetings.trips, &kinds[own]),
+        pairs,
+    })
+}
+
+/// Finds the kinds of trips of which no two are to be compared: no rival is needed for that.
+///
+/// # Panics
+/// If the trips are not of the model's sensor, or there are pairs of them: a bug of the caller.
+pub fn evaluate_single(
+    model: &Model,
+    meetings: &Meetings,
+    plan: &EvaluationPlan,
+    progress: &mut Progress,
+) -> Evaluation {
+    assert_eq!(meetings.layout, model.layout(), "trips and model are of one sensor");
+    assert!(meetings.is_empty(), "pairs of trips are to be compared");
+    let kinds = classify(&[model], &meetings.trips, progress);
+    Evaluation {
+        scores: None,
+        method: NAMES[place_of(model.manifest().plan.method)],
+        grid: plan.grid(),
+        pairs: Vec::new(),
+        not_compared: Vec::new(),
+        trips: classified(&meetings.trips, &kinds[0]),
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Names of methods as scripts read them, in the order of [`Rivals::models`].
+const NAMES: [&str; 3] = ["isomap", "pca", "native"];
 
-    #[test]
-    fn the_largest_kind_is_counted_and_a_kind_without_frames_does_no_harm() {
-        assert_eq!(largest_kind_share([0, 2, 2, 2].into_iter(), 4), 0.75);
+fn place_of(method: Method) -> usize {
+    match method {
+        Method::Isomap => 0,
+        Method::Pca => 1,
+        Method::Native => 2,
     }
+}
+
+fn classified(trips: &[Placed], kinds: &[Vec<usize>]) -> Vec<ClassifiedTrip> {
+    let of_trip = |(placed, kinds): (&Placed, &Vec<usize>)| ClassifiedTrip {
+        space: placed.space,
+        track: Track::of(placed.trip),
+        kinds: kinds.clone(),
+    };
+    trips.iter().zip(kinds).map(of_trip).collect()
+}
+
+/// The most probable kind of every frame of every trip, by every model.
+fn classify(models: &[&Model], trips: &[Placed], progress: &mut Progress) -> Vec<Vec<Vec<usize>>> {
+    let n_frames = models.len() * trips.iter().map(|placed| placed.trip.n_frames()).sum::<usize>();
+    let told = Told::new(Stage::Classifying, n_frames as u64, progress);
+    let by = |model: &&Model| {
+        let model = Arc::new((*model).clone());
+        trips.iter().map(|placed| kinds_of(&model, placed.trip, &told)).collect()
+    };
+    models.iter().map(by).collect()
+}
+
+fn kinds_of(model: &Arc<Model>, trip: &LoadedTrip, told: &Told) -> Vec<usize> {
+    let frames: Vec<_> = trip.frames().zip(&trip.commands).collect();
+    let of_chunk = |classifier: &mut Classifier, frames: &[(&[u16], &Option<kinds_trips::Command>)]| {
+        told.add(frames.len() as u64);
+        let kind = |(counts, command): &(&[u16], &Option<kinds_trips::Command>)| {
+            classifier.classify_commanded(counts, command.map(of_model)).kind
+        };
+        frames.iter().map(kind).collect::<Vec<usize>>()
+    };
+    let chunks = frames.par_chunks(N_FRAMES_AT_A_TIME);
+    let kinds: Vec<Vec<usize>> = chunks.map_init(|| Classifier::new(model.clone()), of_chunk).collect();
+    kinds.concat()
+}
+
+/// Random kinds of the frames whose place is known, for each trip; drawn anew for each space.
+fn random_kinds(trips: &[Placed], n_kinds: usize, seed: u64) -> Vec<Vec<usize>> {
+    let (mut random, mut space) = (ChaCha8Rng::seed_from_u64(seed), 0);
+    let of_trip = |placed: &Placed| {
+        if placed.space != space {
+            (random, space) = (ChaCha8Rng::seed_from_u64(seed), placed.space);
+        }
+        placed.frames.iter().map(|_| random.random_range(0..n_kinds)).collect()
+    };
+    trips.iter().map(of_trip).collect()
 }

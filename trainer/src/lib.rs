@@ -1,35 +1,48 @@
 //! From trips to a model, and how consistent its kinds are on further trips.
 //!
-//! [`train`] reads trips into a model; [`evaluate`] sends two trips through it and measures whether a place seen
-//! again gets the same kind. Nothing here opens shared memory or writes a file.
+//! [`train`] reads trips into a model; [`evaluate`] sends trips through it and measures whether a place seen again gets the
+//! same kind. Nothing here opens shared memory or writes a file.
 #![forbid(unsafe_code)]
 
 mod agreement;
+mod bootstrap;
 mod config;
 mod consistency;
 mod evaluate;
 mod landmark_number;
 mod load;
+mod meeting;
 mod metric_choice;
+mod places;
 mod progress;
+mod registration;
 mod remarks;
 pub mod report;
+mod rivals;
 mod runs;
+mod scores;
+mod surface;
 mod track;
 mod train;
 mod trip_kinds;
 
 pub use agreement::adjusted_mutual_information;
 pub use config::{CommandsConfig, Config, ConfigError, MethodChoice};
-pub use consistency::{Consistency, Places, Revisits, kappa};
+pub use consistency::{Consistency, Revisits, kappa};
 pub use evaluate::{
-    EvaluateError, Evaluation, EvaluationPlan, Meeting, MethodScores, Methods, Rivals, evaluate,
+    ClassifiedTrip, EvaluateError, Evaluation, EvaluationPlan, PairScores, evaluate, evaluate_single,
 };
 pub use landmark_number::{LandmarkNumber, LandmarkNumberError};
 pub use load::{LoadError, LoadedTrip, load};
+pub use meeting::{MeetingError, Meetings};
 pub use metric_choice::{MetricChoice, MetricChoiceError};
+pub use places::{Places, SamePlace};
 pub use progress::{Progress, Stage};
+pub use registration::{Jittered, RegistrationScores};
+pub use rivals::{Methods, RivalError, Rivals};
 pub use runs::Runs;
+pub use scores::{Confidence, DirectedScores, KappaLead, MethodScores, Scores};
+pub use surface::{Grid, Surface};
 pub use track::Track;
 pub use train::{PcaModels, TrainError, Trained, train};
 pub use trip_kinds::TripKinds;

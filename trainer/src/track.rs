@@ -30,15 +30,19 @@ impl Track {
         Self::of_those(trip, |pose| pose.is_some())
     }
 
+    /// What to call a trip: its file's name, without folder and extension.
+    pub(crate) fn title_of(trip: &LoadedTrip) -> String {
+        trip.path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
     fn of_those(trip: &LoadedTrip, is_taken: fn(&Option<Pose>) -> bool) -> Self {
-        let title = trip.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let start_ns = trip.captured.first().map_or(0, |captured| captured.0);
         let known = trip.poses.iter().zip(&trip.commands);
         let taken = trip.captured.iter().zip(known).filter(|(_, (pose, _))| is_taken(pose));
         let seconds = |captured: &Stamp| (captured.0 - start_ns) as f64 / 1e9;
         let (seconds, (poses, commands)) =
             taken.map(|(captured, (pose, command))| (seconds(captured), (pose, command))).unzip();
-        Self { title, seconds, poses, commands }
+        Self { title: Self::title_of(trip), seconds, poses, commands }
     }
 
     /// Number of frames.

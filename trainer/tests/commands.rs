@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use kinds_model::Model;
 use kinds_trainer::report::canonical_views;
 use kinds_trainer::{
-    CommandsConfig, Config, EvaluationPlan, Meeting, Rivals, adjusted_mutual_information, evaluate, load,
+    CommandsConfig, Config, EvaluationPlan, Meetings, Rivals, adjusted_mutual_information, evaluate, load,
     train,
 };
 use kinds_trips::{Command, Pose, Scan, Selection, Stamp, TripWriter, WriterOptions};
@@ -89,11 +89,13 @@ fn places_that_look_alike_are_told_apart_by_commands_and_only_by_them() {
     let trips = trips(folder.path());
     let [first, second] =
         trips.each_ref().map(|trip| load(trip, &Selection::default(), &mut |_, _, _| ()).unwrap());
-    let plan = EvaluationPlan { radius_m: 0.3, share: 0.5, seed: 0 };
+    let plan = EvaluationPlan::default();
+    let trips_read = [first, second];
     let agreements = [0.0, 1.0].map(|weight| {
         let rivals = Rivals::of(learn(&trips[0], 4, weight), &mut |_, _, _| ()).unwrap();
-        let meeting = Meeting::find(rivals.isomap.layout(), &first, &second, &plan).unwrap();
-        evaluate(&rivals, &meeting, &mut |_, _, _| ()).isomap_kinds.map(|kinds| agreement(&kinds))
+        let meetings = Meetings::find(rivals.isomap.layout(), &[&trips_read], &plan.same_place()).unwrap();
+        let evaluation = evaluate(&rivals, &meetings, &plan, &mut |_, _, _| ()).unwrap();
+        [0, 1].map(|trip| agreement(&evaluation.trips[trip].kinds))
     });
     let [without, with] = agreements;
     assert!(without.iter().all(|agreement| agreement.abs() < 0.1), "{agreements:?}");

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use kinds_model::Scale;
 use kinds_trainer::{
-    Config, Evaluation, EvaluationPlan, Meeting, MethodChoice, Rivals, evaluate, load, train,
+    Config, Evaluation, EvaluationPlan, Meetings, MethodChoice, MethodScores, Methods, Rivals, evaluate,
+    load, train,
 };
 use kinds_trips::Selection;
 
@@ -25,12 +26,15 @@ fn trips(sensor: &str) -> Option<[PathBuf; 2]> {
 
 fn learn_and_evaluate(trips: &[PathBuf; 2], config: &Config, radius_m: f64) -> Evaluation {
     let trained = train(&trips[..1], config, &mut |_, _, _| ()).unwrap();
-    let [first, second] =
-        [0, 1].map(|trip| load(&trips[trip], &Selection::default(), &mut |_, _, _| ()).unwrap());
-    let plan = EvaluationPlan { radius_m, share: 0.5, seed: 0 };
-    let meeting = Meeting::find(trained.model.layout(), &first, &second, &plan).unwrap();
+    let trips = [0, 1].map(|trip| load(&trips[trip], &Selection::default(), &mut |_, _, _| ()).unwrap());
+    let plan = EvaluationPlan { radius_m, ..EvaluationPlan::default() };
+    let meetings = Meetings::find(trained.model.layout(), &[&trips], &plan.same_place()).unwrap();
     let rivals = Rivals::of(trained.model, &mut |_, _, _| ()).unwrap();
-    evaluate(&rivals, &meeting, &mut |_, _, _| ())
+    evaluate(&rivals, &meetings, &plan, &mut |_, _, _| ()).unwrap()
+}
+
+fn methods(evaluation: &Evaluation) -> &Methods<MethodScores> {
+    &evaluation.pairs[0].forward.scores.methods
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -54,7 +58,7 @@ fn kappas(trips: &[PathBuf; 2], response: Scale) -> [f64; 2] {
         })
         .collect();
     let of = |method: fn(&Evaluation) -> f64| median(evaluations.iter().map(method).collect());
-    [of(|evaluation| evaluation.methods.isomap.kappa), of(|evaluation| evaluation.methods.pca.kappa)]
+    [of(|evaluation| methods(evaluation).isomap.kappa), of(|evaluation| methods(evaluation).pca.kappa)]
 }
 
 #[test]
@@ -71,7 +75,7 @@ fn untuned_training_makes_three_to_twelve_kinds_that_are_consistent_on_both_sens
     for (sensor, radius_m, least) in [("maze-tof16", 0.15, 0.9), ("chess-depth19840", 0.1, 0.7)] {
         let Some(trips) = trips(sensor) else { continue };
         let evaluation = learn_and_evaluate(&trips, &Config::default(), radius_m);
-        let isomap = evaluation.methods.isomap;
+        let isomap = methods(&evaluation).isomap;
         assert!((3..=12).contains(&isomap.n_kinds), "{sensor}: {} kinds", isomap.n_kinds);
         assert!(isomap.kappa >= least, "{sensor}: {isomap:?}");
     }
@@ -83,12 +87,13 @@ fn random_kinds_are_worth_nothing() {
     let config = Config { starts: Some(1), kinds: Some(5), ..Config::default() };
     let evaluation = learn_and_evaluate(&trips, &config, 0.15);
     assert_eq!(
-        evaluation.isomap_kinds.each_ref().map(Vec::len),
+        evaluation.trips.iter().map(|trip| trip.kinds.len()).collect::<Vec<_>>(),
         [1379, 621],
         "both trips have poses throughout"
     );
-    let random = evaluation.methods.random;
+    let random = methods(&evaluation).random;
     assert!(random.kappa.abs() < 0.05 && random.ami.abs() < 0.05, "{random:?}");
     // scikit-learn's exploration revisits the same share of the maze.
-    assert!((evaluation.revisited - 0.436).abs() < 0.001, "{}", evaluation.revisited);
+    let revisited = evaluation.pairs[0].forward.scores.revisited;
+    assert!((revisited - 0.436).abs() < 0.001, "{revisited}");
 }

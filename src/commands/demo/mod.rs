@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use clap::ValueEnum;
 use kinds_model::{Method, Model, Size, refit};
-use kinds_trainer::{Config, EvaluationPlan, Meeting, Rivals, Stage, Trained, load};
+use kinds_trainer::{Config, EvaluationPlan, Meetings, Rivals, Stage, Trained, load};
 use kinds_trips::Selection;
 
 use crate::cli::{DemoArguments, RobotName};
@@ -27,8 +27,8 @@ use crate::{model_file, report_folder, stop, whole_file};
 /// How long the second trip is to be looked at.
 const SHOW_S: f64 = 12.0;
 
-/// The paper's radius, 1 foot, and its share.
-const PLAN: EvaluationPlan = EvaluationPlan { radius_m: 0.3048, share: 0.5, seed: 0 };
+/// The paper's radius: 1 foot.
+const RADIUS_M: f64 = 0.3048;
 
 pub(crate) fn run(arguments: &DemoArguments) -> Result<(), Failure> {
     let folder = &arguments.output;
@@ -178,14 +178,16 @@ fn visit(
     let mut show = |stage: Stage, done, all| bar.show(stage, done, all);
     let [first, second] = trips;
     let trips = [load(first, selection, &mut show)?, load(second, selection, &mut show)?];
-    let meeting = Meeting::find(rivals.isomap.layout(), &trips[0], &trips[1], &PLAN)?;
-    let evaluation = kinds_trainer::evaluate(rivals, &meeting, &mut show);
-    Ok(Visited { place: place.to_string(), trips, evaluation })
+    let plan = EvaluationPlan { radius_m: RADIUS_M, ..EvaluationPlan::default() };
+    let meetings = Meetings::find(rivals.isomap.layout(), &[&trips], &plan.same_place())?;
+    let evaluation = kinds_trainer::evaluate(rivals, &meetings, &plan, &mut show)?;
+    Ok(Visited { place: place.to_string(), evaluation })
 }
 
 fn say_evaluation(visited: &Visited, folder: &Path, name: &str) -> Result<(), Failure> {
-    say(format!("   {}", evaluate::headline(&visited.evaluation)))?;
-    for line in evaluate::table(&visited.evaluation) {
+    let scores = &visited.pair().forward.scores;
+    say(format!("   {}", evaluate::headline(scores)))?;
+    for line in evaluate::table(scores) {
         say(format!("   {line}"))?;
     }
     let json = serde_json::to_vec_pretty(&visited.evaluation).expect("an evaluation is plain data");

@@ -4,7 +4,7 @@ use kinds_model::Model;
 use kinds_trainer::report::{
     Page, add_evaluation, add_methods, add_model, add_trips, consistency_table, kinds_on_path,
 };
-use kinds_trainer::{Evaluation, LoadedTrip, Runs, Track, TripKinds};
+use kinds_trainer::{ClassifiedTrip, Evaluation, PairScores, Runs, TripKinds};
 
 use crate::commands::evaluate;
 
@@ -12,19 +12,22 @@ use crate::commands::evaluate;
 pub(crate) struct Visited {
     /// Where, in words.
     pub(crate) place: String,
-    pub(crate) trips: [LoadedTrip; 2],
     pub(crate) evaluation: Evaluation,
 }
 
 impl Visited {
-    /// The frames of both trips whose place is known, which are those that are evaluated.
-    fn tracks(&self) -> [Track; 2] {
-        self.trips.each_ref().map(Track::placed)
+    /// How the second trip revisits the first.
+    pub(crate) fn pair(&self) -> &PairScores {
+        &self.evaluation.pairs[0]
+    }
+
+    fn trips(&self) -> Vec<TripKinds<'_>> {
+        self.evaluation.trips.iter().map(ClassifiedTrip::trip_kinds).collect()
     }
 
     /// How long one kind lasts on the second trip, for a person.
     pub(crate) fn runs(&self) -> String {
-        let Runs { mean_length, mean_length_shuffled } = Runs::of(&self.evaluation.isomap_kinds[1]);
+        let Runs { mean_length, mean_length_shuffled } = Runs::of(&self.evaluation.trips[1].kinds);
         format!(
             "a kind lasts {mean_length:.1} frames in the mean of the second trip; in any order it would last {mean_length_shuffled:.1}"
         )
@@ -45,21 +48,17 @@ pub(crate) fn page(
     let [isomap, pca] = own;
     let n_kinds = isomap.mixture().n_kinds();
     let mut page = Page::new(&format!("Natural kinds: {}", home.place));
-    add_trips(&mut page, n_kinds, &with_kinds(&home.tracks(), home));
+    add_trips(&mut page, n_kinds, &home.trips());
     add_evaluation(&mut page, &home.evaluation);
     if let Some(visited) = elsewhere {
         let title = format!("The same kinds elsewhere: {}", visited.place);
         page.section(&title);
-        let tracks = visited.tracks();
-        page.figure(kinds_on_path("path-elsewhere", &title, n_kinds, &with_kinds(&tracks, visited)));
-        page.paragraph(&format!("{}; {}.", evaluate::headline(&visited.evaluation), visited.runs()));
-        page.table(&consistency_table(&visited.evaluation));
+        page.figure(kinds_on_path("path-elsewhere", &title, n_kinds, &visited.trips()));
+        let scores = &visited.pair().forward.scores;
+        page.paragraph(&format!("{}; {}.", evaluate::headline(scores), visited.runs()));
+        page.table(&consistency_table(scores));
     }
     add_methods(&mut page, &[("Isomap", isomap), ("PCA", pca)]);
     add_model(&mut page, isomap, Some(pca), remarks);
     page
-}
-
-fn with_kinds<'a>(tracks: &'a [Track; 2], visited: &'a Visited) -> [TripKinds<'a>; 2] {
-    [0, 1].map(|trip| tracks[trip].with_kinds(&visited.evaluation.isomap_kinds[trip]))
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use kinds_driver_shim::simulated::{Floor, Robot};
 use kinds_driver_shim::{ShimError, Source};
 use kinds_messages::SensorName;
-use kinds_trainer::EvaluateError;
+use kinds_trainer::MeetingError;
 use kinds_trips::{Selection, TripReader};
 
 use crate::cli::RobotName;
@@ -43,7 +43,7 @@ impl Subject {
         let selection = Selection::default();
         for path in &trips {
             if TripReader::open(path, &selection)?.poses_topic().is_none() {
-                return Err(EvaluateError::NoPoses { path: path.clone() }.into());
+                return Err(MeetingError::NoPoses { path: path.clone() }.into());
             }
         }
         let home = "the recorded trips".to_string();

@@ -4,7 +4,7 @@
 //! SVG whose colours follow the page from light to dark, and comes with the numbers drawn. Functions of this module make
 //! the figures: of a model ([`neighbors_tried`], [`residual_variance`], [`spectrum`], [`kinds_tried`], [`embedding`], [`canonical_views`]), of
 //! trips whose frames have been classified ([`kinds_on_path`], [`kinds_along_time`]) and of an evaluation
-//! ([`consistency`]). [`add_model`], [`add_methods`], [`add_trips`] and [`add_evaluation`] put them on a page with their tables and words:
+//! ([`consistency`], [`consistency_surfaces`], [`kinds_met`], [`registration_errors`]). [`add_model`], [`add_methods`], [`add_trips`] and [`add_evaluation`] put them on a page with their tables and words:
 //!
 //! ```no_run
 //! # fn report(model: &kinds_model::Model, trips: &[kinds_trainer::TripKinds], evaluation: &kinds_trainer::Evaluation) {
@@ -30,31 +30,40 @@ mod curves;
 mod depth;
 mod drawing;
 mod embedding;
+mod evaluation;
 mod figure;
 mod kind_style;
+mod kinds_met;
 mod kinds_tried;
 mod markup;
+mod matrix;
 mod methods;
 mod neighbors_tried;
 mod page;
 mod path;
 mod rays;
+mod registration;
 mod scores;
 mod sections;
+mod surfaces;
 mod theme;
 mod time;
 mod views;
 
 pub use curves::{residual_variance, spectrum};
 pub use embedding::embedding;
+pub use evaluation::add_evaluation;
 pub use figure::Figure;
+pub use kinds_met::kinds_met;
 pub use kinds_tried::kinds_tried;
 pub use methods::{add_methods, kinds_agreement, method_table};
 pub use neighbors_tried::neighbors_tried;
 pub use page::{Column, Page, ReportFile, Table};
 pub use path::kinds_on_path;
+pub use registration::registration_errors;
 pub use scores::{consistency, consistency_table};
-pub use sections::{add_evaluation, add_learnt_trips, add_model, add_trips, method_name};
+pub use sections::{add_learnt_trips, add_model, add_trips, method_name};
+pub use surfaces::consistency_surfaces;
 pub use time::kinds_along_time;
 pub use views::canonical_views;
 

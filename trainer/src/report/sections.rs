@@ -7,10 +7,9 @@ use kinds_model::{
 use super::canonical::responsibilities;
 use super::page::{Column, Page, Table};
 use super::{
-    canonical_views, consistency, consistency_table, embedding, kinds_along_time, kinds_on_path, kinds_tried,
-    neighbors_tried, residual_variance, spectrum,
+    canonical_views, embedding, kinds_along_time, kinds_on_path, kinds_tried, neighbors_tried,
+    residual_variance, spectrum,
 };
-use crate::evaluate::Evaluation;
 use crate::track::Track;
 use crate::trip_kinds::TripKinds;
 
@@ -133,19 +132,6 @@ pub fn add_learnt_trips(page: &mut Page, model: &Model, tracks: &[Track]) {
         .collect();
     assert!(left.is_empty(), "every trained frame is of one of the trips");
     add_trips(page, model.mixture().n_kinds(), &trips);
-}
-
-/// Adds whether a place seen again gets the same kind.
-pub fn add_evaluation(page: &mut Page, evaluation: &Evaluation) {
-    page.section("Consistency");
-    page.paragraph(&format!(
-        "{:.0}\u{a0}% of the first trip's frames were revisited within {} m. One kind for everything would always be \
-         consistent: read consistency beside chance, κ, adjusted mutual information (AMI) and the share of the largest kind.",
-        100.0 * evaluation.revisited,
-        evaluation.radius_m
-    ));
-    page.table(&consistency_table(evaluation));
-    page.figure(consistency(evaluation));
 }
 
 /// What a model's coordinates are made by, as tables and figures name it.

@@ -106,10 +106,30 @@ fn tables_of_numbers_have_a_line_for_each_number_drawn() {
     assert_eq!(found, provenance.eigenvalues);
     assert_eq!(lines(canonical_views(&ring).csv()).len(), 3 * 16);
     assert_eq!(
-        consistency(&evaluation()).csv(),
-        "method,n_dims,n_kinds,consistency,chance,kappa,ami,largest_kind_share\n\
-         Isomap,8,5,0.8,0.2,0.7500000000000001,0.5,0.375\nPCA,8,5,0.6,0.2,0.49999999999999994,0.5,0.375\n\
-         random,0,5,0.2,0.25,-0.06666666666666665,0.5,0.375\n"
+        consistency("consistency", "Consistency", &scores()).csv(),
+        "method,n_dims,n_kinds,consistency,chance,kappa,ami,largest_kind_share,area,chance_area,consistency_low,consistency_high,\
+         kappa_low,kappa_high,ami_low,ami_high\n\
+         Isomap,8,5,0.8,0.2,0.7500000000000001,0.5,0.375,0.7,0.25,0.7000000000000001,0.9,0.4,0.8,0.45,0.55\n\
+         PCA,8,5,0.6,0.2,0.49999999999999994,0.5,0.375,0.7,0.25,0.5,0.7,0.4,0.8,0.45,0.55\n\
+         random,0,5,0.2,0.25,-0.06666666666666665,0.5,0.375,0.7,0.25,,,,,,\n"
+    );
+    assert_eq!(
+        lines(surfaces().csv())[3..6],
+        [
+            ["Isomap", "0.4", "0", "1", "0.25", "1"],
+            ["Isomap", "0.4", "0.3333333333333333", "0.5", "0.25", "0.3333333333333333"],
+            ["Isomap", "0.4", "0.6666666666666666", "0.1", "0.25", "-0.19999999999999998"],
+        ]
+    );
+    assert_eq!(lines(surfaces().csv()).len(), 3 * 2 * 3);
+    assert_eq!(
+        registration().csv(),
+        "errors,sigma_m,consistency,kappa,kappa_low,kappa_high\neach pose by itself,0.1,0.5,0.5,0.4,0.6\n\
+         the whole trip,0.1,0.5,-0.2,-0.30000000000000004,-0.1\nthe whole trip,0.2,0.5,0.1,0,0.2\n"
+    );
+    assert_eq!(
+        kinds_met("kinds-met", "Which for which", ["a", "b"], &[vec![7, 1], vec![0, 0]]).csv(),
+        "kind,kind_met,n_frames\n0,0,7\n0,1,1\n1,0,0\n1,1,0\n"
     );
 }
 
@@ -260,8 +280,8 @@ fn captions_say_how_to_read_a_figure_and_what_it_shows() {
         "When the robot saw which kind: a row for each kind. trip <1>: the kind changed 2 times in 0 s.",
     );
     check(
-        consistency(&evaluation()),
-        "Dot: share of the frames of the first trip, among those that the second came within 0.3 m of, where more than 50 % of the second trip's frames nearby have the same kind. Upright line: the same by chance, which is what remains when the second trip's kinds are shifted in time. κ is the way from chance to perfection. All at 8 dimensions and 5 kinds.",
+        consistency("consistency", "Consistency", &scores()),
+        "Dot: share of the frames of the first trip, among those that the second came within 0.3 m of, where more than 50 % of the second trip's frames nearby have the same kind. Upright line: the same by chance, which is what remains when the second trip's kinds are shifted in time. Line below the dot: how far it could have come out otherwise (the middle 95 % over resampled blocks of the path). κ is the way from chance to perfection. All at 8 dimensions and 5 kinds.",
     );
     let scale = "The mean weighs every frame with its probability of being of the kind, the medoid is the real frame of the kind that is nearest to it. Means are taken on the scale on which frames are compared and mapped back to metres; readings beyond 4 m stand for 4 m, invalid ones for 4 m.";
     check(

@@ -1,0 +1,77 @@
+//! What can be asked of `kinds evaluate`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use kinds_trainer::EvaluationPlan;
+use kinds_trips::Selection;
+
+use super::ReadingArguments;
+
+#[derive(Args, Debug)]
+#[command(allow_negative_numbers = true)]
+pub(crate) struct EvaluateArguments {
+    /// The model
+    #[arg(value_name = "M.kinds")]
+    pub(crate) model: PathBuf,
+    /// ROS 2 bags (MCAP) of trips through one space, best the one that the model was learnt from first; any two are compared.
+    /// Of a single trip: its map, sequence and commands
+    #[arg(required = true, value_name = "TRIP")]
+    pub(crate) trips: Vec<PathBuf>,
+    /// Trips through another space, where the kinds were not learnt: compared among themselves
+    #[arg(long, num_args = 1.., value_name = "TRIP")]
+    pub(crate) elsewhere: Vec<PathBuf>,
+    /// Frames no farther apart than this saw the same place, metres
+    #[arg(long, default_value_t = 0.3, value_name = "R")]
+    radius_m: f64,
+    /// Frames whose headings differ by more than this did not see the same place, degrees [default: a place is the same from every
+    /// side]
+    #[arg(long, value_name = "T")]
+    heading_deg: Option<f64>,
+    /// Strictly more than this share of the frames near a frame must have its kind
+    #[arg(long, default_value_t = 0.5, value_name = "Z")]
+    share: f64,
+    /// Radii that consistency is measured at, evenly spread up to --radius-m-max
+    #[arg(long, default_value_t = 20, value_name = "N")]
+    radii: usize,
+    /// Greatest of them, metres [default: twice --radius-m]
+    #[arg(long, value_name = "R")]
+    radius_m_max: Option<f64>,
+    /// Shares that consistency is measured at, evenly spread from 0 to below 1
+    #[arg(long, default_value_t = 20, value_name = "N")]
+    shares: usize,
+    /// Resamples of the path that confidence intervals are from; 0 for none
+    #[arg(long, default_value_t = 1000, value_name = "N")]
+    resamples: usize,
+    /// Seed of random kinds, resamples and errors of registration
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    seed: u64,
+    /// Folder to write a report to, made if it is not there: report.html, each figure as SVG with its numbers as CSV, and the
+    /// topological map as GraphML and DOT
+    #[arg(long, value_name = "DIR")]
+    pub(crate) report: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    reading: ReadingArguments,
+}
+
+impl EvaluateArguments {
+    pub(crate) fn selection(&self, metres_per_count: f64) -> Selection {
+        self.reading.selection(Some(metres_per_count))
+    }
+
+    pub(crate) fn plan(&self) -> EvaluationPlan {
+        EvaluationPlan {
+            radius_m: self.radius_m,
+            heading_tolerance_rad: self.heading_deg.map(f64::to_radians),
+            share: self.share,
+            n_radii: self.radii,
+            radius_m_max: self.radius_m_max,
+            n_shares: self.shares,
+            n_resamples: self.resamples,
+            seed: self.seed,
+        }
+    }
+}

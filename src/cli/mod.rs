@@ -1,0 +1,256 @@
+//! What can be asked of the program.
+
+mod evaluate;
+mod train;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use kinds_driver_shim::Pace;
+use kinds_driver_shim::simulated::Floor;
+use kinds_messages::{Domain, SensorName};
+use kinds_trips::Selection;
+
+pub(crate) use self::evaluate::EvaluateArguments;
+pub(crate) use self::train::TrainArguments;
+use crate::owner::Joined;
+
+/// Tells a robot, in microseconds and without labels, what kind of place its raw sensors are in.
+#[derive(Debug, Parser)]
+#[command(
+    name = "kinds",
+    version,
+    max_term_width = 110,
+    subcommand_required = true,
+    arg_required_else_help = true
+)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+}
+
+/// Where the robot's programs meet.
+#[derive(Args, Debug)]
+pub(crate) struct DomainArguments {
+    /// Folder in which the robot's programs meet: all that name the same one share their channels. Default: that of
+    /// iceoryx2, for all programs of a user
+    #[arg(long, env = "KINDS_DOMAIN", value_name = "DIR")]
+    domain: Option<PathBuf>,
+}
+
+impl DomainArguments {
+    pub(crate) fn domain(&self) -> Domain {
+        self.domain.as_deref().map_or_else(Domain::default, Domain::in_folder)
+    }
+}
+
+/// Where the robot's programs meet, for a program that another one may start for itself.
+#[derive(Args, Debug)]
+pub(crate) struct OwnableDomainArguments {
+    #[command(flatten)]
+    arguments: DomainArguments,
+    /// End when standard input does: then whoever started this program has ended, and its domain with it
+    #[arg(long, hide = true, requires = "domain")]
+    owned: bool,
+}
+
+impl OwnableDomainArguments {
+    pub(crate) fn join(&self, stop: &Arc<AtomicBool>) -> Joined {
+        Joined::new(self.arguments.domain(), self.owned, stop)
+    }
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Verb {
+    /// Show the whole way once: drive or take two trips, train on one, serve and publish the other, watch, evaluate, report
+    Demo(DemoArguments),
+    /// Learn the kinds of recorded trips
+    Train(Box<TrainArguments>),
+    /// Measure what kinds are good for: does a place seen again get the same one, which map do they make, which commands
+    Evaluate(Box<EvaluateArguments>),
+    /// Say what is in a model
+    Inspect(InspectArguments),
+    /// Publish the frames of a sensor into shared memory
+    Publish(PublishArguments),
+    /// Classify every frame of a sensor and publish its kind
+    Serve(ServeArguments),
+    /// Print the kinds of a sensor as they come
+    Watch(WatchArguments),
+    /// Record a sensor's frames, poses, commands and kinds into a trip
+    Record(RecordArguments),
+    /// Push a trip through shim, shared memory and service in lockstep, and say whether anything has changed
+    Replay(ReplayArguments),
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct DemoArguments {
+    /// Simulated robot to show it on, crunch or chew; or two recorded trips, one to learn from and one to recognise
+    #[arg(num_args = 0..=2, default_value = "crunch", value_name = "ROBOT | TRIP1 TRIP2")]
+    pub(crate) subject: Vec<PathBuf>,
+    /// Folder for trips, model and results; made if it is not there
+    #[arg(long, default_value = "kinds-demo", value_name = "DIR")]
+    pub(crate) output: PathBuf,
+}
+
+/// What to read of a trip.
+#[derive(Args, Debug)]
+pub(crate) struct ReadingArguments {
+    /// Topic of the frames [default: the only one that fits]
+    #[arg(long, value_name = "NAME")]
+    frames_topic: Option<String>,
+    /// Topic of the poses [default: the only one that fits]
+    #[arg(long, value_name = "NAME")]
+    poses_topic: Option<String>,
+    /// Topic of the commands, what the robot was told to do [default: the only one that fits; of several, none]
+    #[arg(long, value_name = "NAME")]
+    commands_topic: Option<String>,
+    /// Metres that one count stands for [default: 0.001]
+    #[arg(long, value_name = "M")]
+    metres_per_count: Option<f64>,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct InspectArguments {
+    /// The model
+    #[arg(value_name = "M.kinds")]
+    pub(crate) model: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct PublishArguments {
+    /// Recorded trip to replay; with --simulate, which of the robot's trips to drive: a number
+    #[arg(long, required_unless_present = "simulate")]
+    pub(crate) trip: Option<PathBuf>,
+    /// Drive a simulated robot instead
+    #[arg(long, value_enum, value_name = "ROBOT")]
+    pub(crate) simulate: Option<RobotName>,
+    /// Where Crunch drives: fourth-floor or fifth-floor [default: fourth-floor]
+    #[arg(long, requires = "simulate")]
+    pub(crate) world: Option<Floor>,
+    /// Seed of everything random about the simulated robot and its world
+    #[arg(long, requires = "simulate", default_value_t = 0, value_name = "N")]
+    pub(crate) seed: u64,
+    /// Sensor to publish it as, such as crunch/ring
+    #[arg(long, value_name = "NAME")]
+    pub(crate) sensor: SensorName,
+    /// Multiple of the recorded or real pace, or max: as fast as the service follows
+    #[arg(long, default_value = "1", value_name = "X|max")]
+    pub(crate) speed: Pace,
+    /// Lose nothing: wait for a service, and go no faster than it reports (as --speed max always does)
+    #[arg(long)]
+    pub(crate) follow: bool,
+    #[command(flatten)]
+    reading: ReadingArguments,
+    #[command(flatten)]
+    pub(crate) domain: OwnableDomainArguments,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ServeArguments {
+    /// The model
+    #[arg(long, value_name = "M.kinds")]
+    pub(crate) model: PathBuf,
+    /// Sensor to serve, such as crunch/ring
+    #[arg(long, value_name = "NAME")]
+    pub(crate) sensor: SensorName,
+    #[command(flatten)]
+    pub(crate) domain: OwnableDomainArguments,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct WatchArguments {
+    /// Sensor to watch, such as crunch/ring
+    #[arg(long, value_name = "NAME")]
+    pub(crate) sensor: SensorName,
+    /// Print one JSON object a line
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// End after this many reports
+    #[arg(long, value_name = "N")]
+    pub(crate) count: Option<u64>,
+    #[command(flatten)]
+    pub(crate) domain: DomainArguments,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct RecordArguments {
+    /// Sensor to record, such as crunch/ring
+    #[arg(long, value_name = "NAME")]
+    pub(crate) sensor: SensorName,
+    /// ROS 2 bag (MCAP) to write: it must not be there yet
+    #[arg(long, short, value_name = "TRIP.mcap")]
+    pub(crate) output: PathBuf,
+    /// End after this many frames [default: at SIGINT or SIGTERM]
+    #[arg(long, value_name = "N")]
+    pub(crate) count: Option<u64>,
+    #[command(flatten)]
+    pub(crate) domain: DomainArguments,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ReplayArguments {
+    /// Recorded trip
+    pub(crate) trip: PathBuf,
+    /// The model
+    #[arg(long, value_name = "M.kinds")]
+    pub(crate) model: PathBuf,
+    /// Write what comes out to this file
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "expect")]
+    pub(crate) bless: Option<PathBuf>,
+    /// Compare what comes out with this file, written before with --bless; exit code 1 where they differ
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) expect: Option<PathBuf>,
+    #[command(flatten)]
+    reading: ReadingArguments,
+}
+
+/// A simulated robot.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum RobotName {
+    /// Small and round, with eight sonars and eight infrared sensors, in an office building
+    Crunch,
+    /// Large, with six wheels and a time-of-flight camera, outdoors on a campus
+    Chew,
+}
+
+impl ReadingArguments {
+    /// What to read of a trip, in the unit of a model's sensor if none is given.
+    fn selection(&self, metres_per_count: Option<f64>) -> Selection {
+        let usual = Selection::default();
+        Selection {
+            frames_topic: self.frames_topic.clone(),
+            poses_topic: self.poses_topic.clone(),
+            commands_topic: self.commands_topic.clone(),
+            metres_per_count: self.metres_per_count.or(metres_per_count).unwrap_or(usual.metres_per_count),
+        }
+    }
+}
+
+impl ReplayArguments {
+    pub(crate) fn selection(&self, metres_per_count: f64) -> Selection {
+        self.reading.selection(Some(metres_per_count))
+    }
+}
+
+impl PublishArguments {
+    pub(crate) fn selection(&self) -> Selection {
+        self.reading.selection(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_free_of_contradictions() {
+        Cli::command().debug_assert();
+    }
+}
