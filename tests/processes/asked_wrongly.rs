@@ -128,8 +128,12 @@ fn a_metric_that_cannot_be_is_refused_with_what_can() {
 fn evaluation_numbers_beyond_their_limits_are_refused_with_value_and_limit() {
     let robot = Robot::trained();
     for (flag, value, parts) in [
-        ("--radius-m", "0", ["radius", " is 0; it must be above 0 m"]),
-        ("--radius-m", "NaN", ["radius", " is NaN; it must be above 0 m"]),
+        ("--radius-m", "-1", ["radius", " is -1; it must be at least 0 m"]),
+        ("--radius-m", "NaN", ["radius", " is NaN; it must be at least 0 m"]),
+        ("--radius-m-max", "0", ["radius_m_max", " is 0; it must be above 0 m"]),
+        ("--heading-deg", "181", ["heading_deg", " is 181; it must be between 0° and 180°"]),
+        ("--radii", "0", ["radii", " is 0; it must be between 1 and 100"]),
+        ("--shares", "101", ["shares", " is 101; it must be between 1 and 100"]),
         ("--share", "1", ["share", " is 1; it must be at least 0 and below 1"]),
         ("--share", "1.5", ["share", " is 1.5; it must be at least 0 and below 1"]),
     ] {

@@ -125,8 +125,19 @@ fn trips_that_never_meet_are_a_sentence() {
     robot.refuse(
         &["evaluate", MODEL, FIRST, "elsewhere.mcap", "--radius-m", "0.25"],
         1,
-        "no frame of first.mcap has a frame of elsewhere.mcap within 0.25 m: the trips do not meet, or their poses \
-         have different origins; try a larger radius",
+        "first.mcap and elsewhere.mcap lie in boxes that do not overlap, within 0.25 m: x -3.0…3.0 and 97.0…103.0 m, y -3.0…3.0 and \
+         -3.0…3.0 m; either the trips are of different spaces (give those of another space to --elsewhere), or their poses have \
+         different origins and must be registered first",
+    );
+    // As long as any two meet, the others are only told.
+    let told = robot.run(&["evaluate", MODEL, FIRST, "elsewhere.mcap", SECOND]);
+    assert_eq!((told.code, told.stderr.lines().count()), (Some(0), 2), "{}", told.stderr);
+    assert!(told.stdout.starts_with("first revisited by second\n"), "{}", told.stdout);
+    Trip { x_m: 5.9, ..Trip::SECOND }.write(&robot.path("beside.mcap"));
+    robot.refuse_with(
+        &["evaluate", MODEL, FIRST, "beside.mcap", "--radius-m", "0.001"],
+        1,
+        &["no frame of first.mcap has a frame of beside.mcap within 0.001 m: the trips come no nearer to each other than 0.", " m; try a larger radius"],
     );
 }
 

@@ -2,9 +2,14 @@
 
 use super::page::{Column, Page, Table};
 use super::scores::{range, signed, tenths};
-use super::{consistency, consistency_surfaces, consistency_table, kinds_met, registration_errors};
-use crate::evaluate::{Evaluation, PairScores};
+use super::{
+    add_trips, consistency, consistency_surfaces, consistency_table, kinds_along_time, kinds_met,
+    kinds_on_path, registration_errors,
+};
+use crate::evaluate::{ClassifiedTrip, Evaluation, PairScores};
+use crate::runs::Runs;
 use crate::scores::{DirectedScores, KappaLead, MethodScores};
+use crate::trip_kinds::TripKinds;
 
 /// Adds whether a place seen again gets the same kind: the first pair of trips of each space in full, and all pairs in a
 /// table.
@@ -32,16 +37,61 @@ pub fn add_evaluation(page: &mut Page, evaluation: &Evaluation) {
     }
 }
 
+/// Adds where and when the robot saw which kind: first where the kinds were learnt, then elsewhere.
+///
+/// * `trips` — space by space
+pub fn add_classified_trips(page: &mut Page, n_kinds: usize, trips: &[ClassifiedTrip]) {
+    for of_space in trips.chunk_by(|a, b| a.space == b.space) {
+        let space = of_space[0].space;
+        let of_space: Vec<TripKinds> = of_space.iter().map(ClassifiedTrip::trip_kinds).collect();
+        if space == 0 {
+            add_trips(page, n_kinds, &of_space);
+            continue;
+        }
+        let title = elsewhere("The trips", space);
+        page.section(&title);
+        page.paragraph(
+            "Do the kinds hold where they were not learnt? Where they say nothing of a place, they change from frame to frame.",
+        );
+        page.list(of_space.iter().map(|trip| {
+            let Runs { mean_length, mean_length_shuffled } = Runs::of(trip.kinds);
+            format!(
+                "{}: a kind lasts {mean_length:.1} frames in the mean; in any order it would last {mean_length_shuffled:.1}",
+                trip.title
+            )
+        }));
+        page.figure(kinds_on_path(&file("path", space), "Kinds on the path, elsewhere", n_kinds, &of_space));
+        page.figure(kinds_along_time(
+            &file("time", space),
+            "Kinds along time, elsewhere",
+            n_kinds,
+            &of_space,
+        ));
+    }
+}
+
+/// What is said of a space: nothing of that where the kinds were learnt.
+pub(super) fn elsewhere(heading: &str, space: usize) -> String {
+    match space {
+        0 => heading.to_string(),
+        1 => format!("{heading} elsewhere"),
+        space => format!("{heading} elsewhere, space {space}"),
+    }
+}
+
+/// The name of a figure's files.
+pub(super) fn file(name: &str, space: usize) -> String {
+    match space {
+        0 => name.to_string(),
+        1 => format!("{name}-elsewhere"),
+        space => format!("{name}-elsewhere-{space}"),
+    }
+}
+
 fn add_pair(page: &mut Page, evaluation: &Evaluation, pair: &PairScores) {
     let PairScores { space, trips: [first, second], forward, registration, .. } = pair;
-    // Names of the figures of the first space are those that scripts know.
-    let (heading, suffix) = match space {
-        0 => ("Consistency".to_string(), String::new()),
-        1 => ("Consistency elsewhere".to_string(), "-elsewhere".to_string()),
-        space => (format!("Consistency elsewhere, space {space}"), format!("-elsewhere-{space}")),
-    };
-    let named = |name: &str| format!("{name}{suffix}");
-    page.section(&heading);
+    let named = |name: &str| file(name, *space);
+    page.section(&elsewhere("Consistency", *space));
     let DirectedScores { scores, never_revisited, .. } = forward;
     page.paragraph(&format!(
         "{} of the frames of {first} were revisited by {second} within {} m, {} never. One kind for everything would always be \

@@ -52,7 +52,7 @@ mod views;
 
 pub use curves::{residual_variance, spectrum};
 pub use embedding::embedding;
-pub use evaluation::add_evaluation;
+pub use evaluation::{add_classified_trips, add_evaluation};
 pub use figure::Figure;
 pub use kinds_met::kinds_met;
 pub use kinds_tried::kinds_tried;
