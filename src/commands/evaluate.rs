@@ -1,5 +1,7 @@
 //! `kinds evaluate`: is a place seen again of the same kind?
 
+mod report;
+
 use std::path::{Path, PathBuf};
 
 use kinds_model::Model;
@@ -10,21 +12,32 @@ use kinds_trips::Selection;
 
 use crate::cli::EvaluateArguments;
 use crate::failure::Failure;
-use crate::model_file;
 use crate::progress::StepBar;
-use crate::say::say;
+use crate::say::{mention, say};
+use crate::{model_file, report_folder};
 
 pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
     arguments.plan().check()?;
     let model = model_file::open(&arguments.model)?;
-    let evaluation = evaluate(model, arguments)?;
+    arguments.report.as_deref().map_or(Ok(()), report_folder::check_writable)?;
+    let (model, evaluation) = evaluate(model, arguments)?;
+    for remark in &evaluation.not_compared {
+        eprintln!("kinds: {remark}");
+    }
+    let report = match &arguments.report {
+        Some(folder) => Some(report_folder::write(folder, &report::page(&model, &evaluation))?),
+        None => None,
+    };
     if arguments.json {
         let json = serde_json::to_string_pretty(&evaluation).expect("an evaluation is plain data");
         return say(json);
     }
-    for remark in &evaluation.not_compared {
-        eprintln!("kinds: {remark}");
-    }
+    tell(&evaluation)?;
+    report.map_or(Ok(()), |page| mention(format!("wrote {}", page.display())))
+}
+
+/// What was found, for a person.
+fn tell(evaluation: &Evaluation) -> Result<(), Failure> {
     for (index, pair) in evaluation.pairs.iter().enumerate() {
         if evaluation.pairs.len() > 1 {
             let blank = if index == 0 { "" } else { "\n" };
@@ -37,8 +50,8 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Evaluates with a progress bar.
-fn evaluate(model: Model, arguments: &EvaluateArguments) -> Result<Evaluation, Failure> {
+/// Evaluates with a progress bar, and gives the model back.
+fn evaluate(model: Model, arguments: &EvaluateArguments) -> Result<(Model, Evaluation), Failure> {
     let mut bar = StepBar::new();
     let selection = arguments.selection(model.layout().metres_per_count);
     let mut read = |paths: &[PathBuf]| -> Result<Vec<LoadedTrip>, Failure> {
@@ -49,10 +62,12 @@ fn evaluate(model: Model, arguments: &EvaluateArguments) -> Result<Evaluation, F
     let meetings = Meetings::find(model.layout(), &[&home, &elsewhere], &plan.same_place())?;
     let mut show = |stage: Stage, done, all| bar.show(stage, done, all);
     if meetings.is_empty() {
-        return Ok(evaluate_single(&model, &meetings, &plan, &mut show));
+        let evaluation = evaluate_single(&model, &meetings, &plan, &mut show);
+        return Ok((model, evaluation));
     }
     let rivals = Rivals::of(model, &mut show)?;
-    Ok(kinds_trainer::evaluate(&rivals, &meetings, &plan, &mut show)?)
+    let evaluation = kinds_trainer::evaluate(&rivals, &meetings, &plan, &mut show)?;
+    Ok((rivals.own_model().clone(), evaluation))
 }
 
 fn read_trip(
