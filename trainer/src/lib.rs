@@ -11,10 +11,12 @@ mod evaluate;
 mod landmark_number;
 mod load;
 mod metric_choice;
+mod policy;
 mod progress;
 mod remarks;
 pub mod report;
 mod runs;
+mod sequence;
 mod track;
 mod train;
 mod trip_kinds;
@@ -28,8 +30,12 @@ pub use evaluate::{
 pub use landmark_number::{LandmarkNumber, LandmarkNumberError};
 pub use load::{LoadError, LoadedTrip, load};
 pub use metric_choice::{MetricChoice, MetricChoiceError};
+pub use policy::{
+    CommandMode, CommandSpread, KindCommands, KindPolicy, MeanCommand, Policy, PolicyTable, Spell,
+};
 pub use progress::{Progress, Stage};
 pub use runs::Runs;
+pub use sequence::{RunLengths, Sequence};
 pub use track::Track;
 pub use train::{PcaModels, TrainError, Trained, train};
 pub use trip_kinds::TripKinds;

@@ -131,7 +131,7 @@ impl Chart {
 }
 
 /// A name that a drawing has room for: cut if it is too long. What a screen reader says stays whole.
-fn fitted(name: &str, width_px: f64) -> Cow<'_, str> {
+pub(super) fn fitted(name: &str, width_px: f64) -> Cow<'_, str> {
     // Bold letters of 13 px are about 8 px wide.
     let n_letters = (width_px / 8.0) as usize;
     match name.char_indices().nth(n_letters) {

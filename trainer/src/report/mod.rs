@@ -34,6 +34,7 @@ mod figure;
 mod kind_style;
 mod kinds_tried;
 mod markup;
+mod matrix;
 mod methods;
 mod neighbors_tried;
 mod page;
