@@ -1,5 +1,7 @@
 //! Runs of one kind along a trip: where kinds fit the place, neighbouring frames share them.
 
+use std::ops::Range;
+
 /// How long one kind lasts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Runs {
@@ -18,7 +20,7 @@ impl Runs {
     /// Wolfowitz 1940, *On a test whether two samples are from the same population*, for any number of kinds).
     pub fn of(kinds: &[usize]) -> Self {
         let n_frames = kinds.len() as f64;
-        let n_runs = 1 + kinds.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        let n_runs = runs(kinds).count();
         let mut n_frames_of = vec![0.0; kinds.iter().max().map_or(0, |last| last + 1)];
         kinds.iter().for_each(|&kind| n_frames_of[kind] += 1.0);
         let squares: f64 = n_frames_of.iter().map(|n| n * n).sum();
@@ -27,6 +29,16 @@ impl Runs {
             mean_length_shuffled: n_frames / (n_frames + 1.0 - squares / n_frames),
         }
     }
+}
+
+/// Stretches of frames of one kind, as long as they can be: the frames, and the kind.
+pub(crate) fn runs<K: Copy + PartialEq>(kinds: &[K]) -> impl Iterator<Item = (Range<usize>, K)> {
+    let mut start = 0;
+    kinds.chunk_by(|a, b| a == b).map(move |run| {
+        let frames = start..start + run.len();
+        start = frames.end;
+        (frames, run[0])
+    })
 }
 
 #[cfg(test)]
@@ -62,5 +74,12 @@ mod tests {
     fn a_run_is_as_long_as_the_kind_lasts() {
         assert_eq!(Runs::of(&[4, 4, 4, 1, 1, 4]).mean_length, 2.0);
         assert_eq!(Runs::of(&[2; 7]).mean_length, 7.0);
+    }
+
+    #[test]
+    fn runs_are_the_longest_stretches_of_one_kind_and_leave_no_frame_out() {
+        let found: Vec<_> = runs(&[4, 4, 0, 4, 4, 4]).collect();
+        assert_eq!(found, [(0..2, 4), (2..3, 0), (3..6, 4)]);
+        assert_eq!(runs::<usize>(&[]).count(), 0);
     }
 }

@@ -16,3 +16,22 @@ pub struct TripKinds<'a> {
     /// The most probable kind, shape `(n_frames,)`.
     pub kinds: &'a [usize],
 }
+
+impl TripKinds<'_> {
+    /// Number of frames.
+    pub fn n_frames(&self) -> usize {
+        self.kinds.len()
+    }
+
+    /// When the last frame's turn is over: a usual distance between frames after it, seconds.
+    pub fn end_s(&self) -> f64 {
+        let mut steps: Vec<f64> = self.seconds.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        steps.sort_by(f64::total_cmp);
+        self.seconds.last().copied().unwrap_or(0.0) + steps.get(steps.len() / 2).copied().unwrap_or(0.0)
+    }
+
+    /// When a frame's turn begins, seconds; for the number of frames, when the last one's is over.
+    pub(crate) fn turn_s(&self, frame: usize) -> f64 {
+        self.seconds.get(frame).copied().unwrap_or_else(|| self.end_s())
+    }
+}

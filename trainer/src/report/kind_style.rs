@@ -1,9 +1,8 @@
 //! How kinds look: a colour and a width for each, as in the paper, so that they are told apart without colour too.
 
-use std::ops::Range;
-
 use super::drawing::{Drawing, WIDTH_MAX};
 use super::theme::N_COLOURS;
+pub(super) use crate::runs::runs;
 
 /// What the lines of a kind look like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,16 +92,6 @@ pub(super) fn names(n_kinds: usize) -> Vec<(usize, String)> {
     (0..n_kinds).map(|kind| (kind, format!("kind {kind}"))).collect()
 }
 
-/// Stretches of frames of one kind: the frames, and the kind.
-pub(super) fn runs<K: Copy + PartialEq>(kinds: &[K]) -> impl Iterator<Item = (Range<usize>, K)> {
-    let mut start = 0;
-    kinds.chunk_by(|a, b| a == b).map(move |run| {
-        let frames = start..start + run.len();
-        start = frames.end;
-        (frames, run[0])
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
@@ -130,12 +119,5 @@ mod tests {
                 );
             }
         }
-    }
-
-    #[test]
-    fn runs_are_the_longest_stretches_of_one_kind_and_leave_no_frame_out() {
-        let found: Vec<_> = runs(&[4, 4, 0, 4, 4, 4]).collect();
-        assert_eq!(found, [(0..2, 4), (2..3, 0), (3..6, 4)]);
-        assert_eq!(runs::<usize>(&[]).count(), 0);
     }
 }

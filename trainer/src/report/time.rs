@@ -38,7 +38,7 @@ fn sentence(trip: &TripKinds) -> String {
 
 fn strip(trip: &TripKinds, n_kinds: usize) -> Drawing {
     assert_eq!(trip.seconds.len(), trip.kinds.len(), "one kind for each frame");
-    let end_s = end_s(trip.seconds);
+    let end_s = trip.end_s();
     let (low, high) = range(trip.seconds.iter().copied().chain([end_s]));
     let mut chart = Chart::new(
         (WIDTH_MAX, ROW_PX * n_kinds as f64 + MARGINS_PX.1),
@@ -69,13 +69,6 @@ fn strip(trip: &TripKinds, n_kinds: usize) -> Drawing {
         }
     }
     chart.drawing
-}
-
-/// When the last frame's turn is over: a usual distance between frames after it.
-fn end_s(seconds: &[f64]) -> f64 {
-    let mut steps: Vec<f64> = seconds.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    steps.sort_by(f64::total_cmp);
-    seconds.last().copied().unwrap_or(0.0) + steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]
