@@ -43,12 +43,14 @@ mod scores;
 mod sections;
 mod theme;
 mod time;
+mod topology;
 mod views;
 
 pub use curves::{residual_variance, spectrum};
 pub use embedding::embedding;
 pub use figure::Figure;
 pub use kinds_tried::kinds_tried;
+pub(crate) use markup::escaped;
 pub use methods::{add_methods, kinds_agreement, method_table};
 pub use neighbors_tried::neighbors_tried;
 pub use page::{Column, Page, ReportFile, Table};
@@ -56,6 +58,7 @@ pub use path::kinds_on_path;
 pub use scores::{consistency, consistency_table};
 pub use sections::{add_evaluation, add_learnt_trips, add_model, add_trips, method_name};
 pub use time::kinds_along_time;
+pub use topology::{region_table, topological_map};
 pub use views::canonical_views;
 
 #[cfg(test)]
