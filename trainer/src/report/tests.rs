@@ -1,6 +1,7 @@
 //! Reports of small made-up data, read back as a person's browser reads them: the page, and what all figures have in common.
 
 mod figures;
+mod topology;
 
 use std::collections::BTreeMap;
 
@@ -126,6 +127,7 @@ fn figures() -> Vec<Figure> {
         path(),
         along_time(),
         consistency(&evaluation()),
+        topology::figure(),
     ];
     plain.into_iter().chain(kinds_tried::tests::figure()).chain(neighbors_tried::tests::figure()).collect()
 }

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use kinds_trips::Pose;
+
 use super::Visit;
 
 /// The region of each visit, numbered in order of their first visits.
@@ -16,9 +18,9 @@ pub(super) fn merged(visits: &[Visit], radius_m: f64) -> Vec<usize> {
     // Each visit points to an earlier one of its region or to itself.
     let mut earlier: Vec<usize> = (0..visits.len()).collect();
     for (index, way) in ways.iter().enumerate() {
-        let middle = &way[way.len() / 4..way.len() - way.len() / 4];
+        let middle = middle_half(way);
         let mut n_places_at: BTreeMap<usize, usize> = BTreeMap::new();
-        for place in middle {
+        for place in &middle {
             for other in grid.visits_near(visits[index].stretch.kind, place) {
                 *n_places_at.entry(other).or_default() += 1;
             }
@@ -46,10 +48,19 @@ fn first_of(earlier: &[usize], mut visit: usize) -> usize {
     visit
 }
 
+/// The places between the quarters of a way. Those that come neither before nor after a quarter are in.
+fn middle_half(way: &[Place]) -> Vec<&Place> {
+    let quarter = way.len() / 4;
+    let (from, until) = (way[quarter].frame, way[way.len() - 1 - quarter].frame);
+    way.iter().filter(|place| (from..=until).contains(&place.frame)).collect()
+}
+
 /// A place on a visit's way: the mean of its frames in one cell of the grid, so that a place counts once however long the
 /// robot stood there.
 struct Place {
     cell: Cell,
+    /// Mean index of these frames.
+    frame: f64,
     x_m: f64,
     y_m: f64,
 }
@@ -57,26 +68,24 @@ struct Place {
 /// Column and row of a square of half a radius.
 type Cell = (i64, i64);
 
-/// A visit's places in order: by the mean index of the frames there, which is the same on the way back.
+/// A visit's places in the order of their mean frames, which is the opposite order on the way back.
 fn way(visit: &Visit, radius_m: f64) -> Vec<Place> {
     let cell = |coordinate_m: f64| (coordinate_m / (radius_m / 2.0)).floor() as i64;
-    let mut sums: BTreeMap<Cell, (usize, usize, f64, f64)> = BTreeMap::new();
+    let mut frames_in: BTreeMap<Cell, Vec<(usize, &Pose)>> = BTreeMap::new();
     for (frame, pose) in visit.placed() {
-        let (n, frames, x_m, y_m) = sums.entry((cell(pose.x_m), cell(pose.y_m))).or_default();
-        *n += 1;
-        *frames += frame;
-        *x_m += pose.x_m;
-        *y_m += pose.y_m;
+        frames_in.entry((cell(pose.x_m), cell(pose.y_m))).or_default().push((frame, pose));
     }
-    let mut way: Vec<(f64, Place)> = sums
-        .into_iter()
-        .map(|(cell, (n, frames, x_m, y_m))| {
-            let n = n as f64;
-            (frames as f64 / n, Place { cell, x_m: x_m / n, y_m: y_m / n })
-        })
-        .collect();
-    way.sort_by(|a, b| a.0.total_cmp(&b.0));
-    way.into_iter().map(|(_, place)| place).collect()
+    let place = |(cell, frames): (Cell, Vec<(usize, &Pose)>)| {
+        let n_frames = frames.len() as f64;
+        // A sum of whole numbers: means that are equal are equal to the last bit.
+        let frame = frames.iter().map(|(frame, _)| frame).sum::<usize>() as f64 / n_frames;
+        let x_m = frames.iter().map(|(_, pose)| pose.x_m).sum::<f64>() / n_frames;
+        let y_m = frames.iter().map(|(_, pose)| pose.y_m).sum::<f64>() / n_frames;
+        Place { cell, frame, x_m, y_m }
+    };
+    let mut way: Vec<Place> = frames_in.into_iter().map(place).collect();
+    way.sort_by(|a, b| a.frame.total_cmp(&b.frame));
+    way
 }
 
 /// All places of all visits, by kind and cell.

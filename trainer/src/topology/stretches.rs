@@ -24,6 +24,12 @@ impl Stretch {
         width_m.hypot(height_m)
     }
 
+    /// By size, and of equals by the number of frames.
+    fn rank(&self) -> (u64, usize) {
+        // No size is negative, and the bits of such numbers have their order.
+        (self.size_m().to_bits(), self.last - self.first)
+    }
+
     /// All from the first to the last frame of both, with its own kind.
     fn and(self, other: Self) -> Self {
         Self {
@@ -38,8 +44,8 @@ impl Stretch {
 /// Cuts a trip into stretches that are at least so large, in order of time; neighbours differ in kind. None if no place is
 /// known, one if the whole trip is smaller.
 ///
-/// Of runs of one kind that are too small the smallest is absorbed first, by the larger of its neighbours (of equals the
-/// earlier), and by both where they have the same kind: so a flicker within one place is mended before it can cut it,
+/// Of runs of one kind that are too small the smallest is absorbed first (of equals that of fewer frames, then the earlier), by the larger of its
+/// neighbours (of equals that of more frames, then the earlier), and by both where they have the same kind: so a flicker within one place is mended before it can cut it,
 /// and one at a border goes to a side.
 ///
 /// O(n log n).
@@ -47,27 +53,26 @@ pub(super) fn cut(trip: &TripKinds, size_m_min: f64) -> Vec<Stretch> {
     // By first frame: neighbours are found without a chain of links.
     let mut stretches: BTreeMap<usize, Stretch> =
         runs(trip).into_iter().map(|run| (run.first, run)).collect();
-    // No size is negative, and the bits of such numbers have their order.
-    let by_size = |stretch: &Stretch| (stretch.size_m().to_bits(), stretch.first);
-    let mut smallest: BTreeSet<(u64, usize)> = stretches.values().map(by_size).collect();
+    let ranked = |stretch: &Stretch| (stretch.rank(), stretch.first);
+    let mut smallest: BTreeSet<((u64, usize), usize)> = stretches.values().map(ranked).collect();
     while let Some((_, first)) = smallest.pop_first() {
         let small = stretches[&first];
         let before = stretches.range(..first).next_back().map(|(_, stretch)| *stretch);
         let after = stretches.range(first + 1..).next().map(|(_, stretch)| *stretch);
         let neighbours = [after, before].into_iter().flatten();
         // The last of equals: the earlier.
-        let Some(larger) = neighbours.clone().max_by(|a, b| a.size_m().total_cmp(&b.size_m())) else { break };
+        let Some(larger) = neighbours.clone().max_by_key(Stretch::rank) else { break };
         if small.size_m() >= size_m_min {
             break;
         }
         let mut whole = Stretch { kind: larger.kind, ..small };
         stretches.remove(&first);
         for neighbour in neighbours.filter(|neighbour| neighbour.kind == larger.kind) {
-            smallest.remove(&by_size(&neighbour));
+            smallest.remove(&ranked(&neighbour));
             stretches.remove(&neighbour.first);
             whole = whole.and(neighbour);
         }
-        smallest.insert(by_size(&whole));
+        smallest.insert(ranked(&whole));
         stretches.insert(whole.first, whole);
     }
     stretches.into_values().collect()
