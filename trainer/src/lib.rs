@@ -24,6 +24,7 @@ mod runs;
 mod scores;
 mod sequence;
 mod surface;
+mod topology;
 mod track;
 mod train;
 mod trip_kinds;
@@ -40,7 +41,7 @@ pub use meeting::{MeetingError, Meetings};
 pub use metric_choice::{MetricChoice, MetricChoiceError};
 pub use places::{Places, SamePlace};
 pub use policy::{
-    CommandMode, CommandSpread, KindCommands, KindPolicy, MeanCommand, Policy, PolicyTable, Spell,
+    CommandMode, CommandSpread, KindCommands, KindPolicy, Policy, PolicyCommand, PolicyTable, Spell,
 };
 pub use progress::{Progress, Stage};
 pub use registration::{Jittered, RegistrationScores};
@@ -49,6 +50,7 @@ pub use runs::Runs;
 pub use scores::{Confidence, DirectedScores, KappaLead, MethodScores, Scores};
 pub use sequence::{RunLengths, Sequence};
 pub use surface::{Grid, Surface};
+pub use topology::{Edge, Extent, MapPlan, MeanCommand, Region, TopologicalMap};
 pub use track::Track;
 pub use train::{PcaModels, TrainError, Trained, train};
 pub use trip_kinds::TripKinds;

@@ -184,17 +184,17 @@ pub struct KindPolicy {
     /// Frames that say so.
     pub n_frames: usize,
     /// The mean command; `None` where no frame has one.
-    pub command: Option<MeanCommand>,
+    pub command: Option<PolicyCommand>,
     /// Whether two sorts of commands were given.
     pub aliased: bool,
     /// Share of the frames and mean command of each sort; empty where there is one.
-    pub modes: Vec<(f64, MeanCommand)>,
+    pub modes: Vec<(f64, PolicyCommand)>,
 }
 
 /// A mean command and how far others were from it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct MeanCommand {
+pub struct PolicyCommand {
     /// Speed forward, metres per second.
     pub forward_m_s: f64,
     /// Turn counter-clockwise, radians per second.
@@ -210,14 +210,14 @@ impl KindPolicy {
         Self {
             kind: kind.kind,
             n_frames: kind.n_frames,
-            command: kind.command.as_ref().map(MeanCommand::of),
+            command: kind.command.as_ref().map(PolicyCommand::of),
             aliased: kind.is_aliased(),
-            modes: kind.modes.iter().map(|mode| (mode.share, MeanCommand::of(&mode.command))).collect(),
+            modes: kind.modes.iter().map(|mode| (mode.share, PolicyCommand::of(&mode.command))).collect(),
         }
     }
 }
 
-impl MeanCommand {
+impl PolicyCommand {
     fn of(spread: &CommandSpread) -> Self {
         let &CommandSpread { forward_m_s, turn_rad_s, .. } = spread;
         let [forward_deviation_m_s, turn_deviation_rad_s] = spread.deviations();

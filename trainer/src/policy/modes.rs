@@ -18,18 +18,18 @@ use kinds_model::em::fit_mixture;
 use kinds_model::mixture::{Mixture, most_probable};
 use kinds_model::{Covariance, EmPlan};
 
-/// Fewest independent frames: two Gaussians on a plane have 11 parameters, and fit as many frames by chance alone. A command
-/// held throughout a visit is worth two frames ([`n_frames_effective`]), so six visits are the fewest that tell.
-const N_EFFECTIVE_MIN: f64 = 12.0;
+/// Fewest independent frames. Two Gaussians on a plane have 11 parameters: of fewer frames than twice as many, gaps that are
+/// there by chance alone were taken for valleys.
+const N_EFFECTIVE_MIN: f64 = 20.0;
 
 /// By how much two Gaussians' BIC must be lower than one's.
 const BIC_GAIN_MIN: f64 = 10.0;
 
 /// Least share of the frames of each sort.
-const SHARE_MIN: f64 = 0.1;
+const SHARE_MIN: f64 = 0.15;
 
 /// Most density between two sorts, as a share of the lower peak.
-const VALLEY_MAX: f64 = 0.3;
+const VALLEY_MAX: f64 = 0.1;
 
 /// Least distance between two sorts, in deviations of all commands.
 const DISTANCE_MIN: f64 = 0.5;
@@ -80,17 +80,24 @@ pub(super) fn two_modes(points: &[f64], n_effective: f64, seed: u64) -> Option<V
 /// * `points` — commands, shape `(n_frames, 2)`
 /// * `stretches`, `trips` — frames of each unbroken stretch and of each trip, in their order
 pub(super) fn n_independent(points: &[f64], stretches: &[usize], trips: &[usize]) -> f64 {
-    let along = |dim: usize| points.iter().skip(dim).step_by(2).copied();
-    // A robot that only ever drives at one speed shows by its turns how often it was steered.
-    let changes = |dim: &usize| along(*dim).any(|value| value != points[*dim]);
-    let changing: Vec<usize> = (0..2).filter(changes).collect();
-    if changing.is_empty() {
-        return 1.0;
-    }
-    let changing_points: Vec<f64> =
-        points.chunks_exact(2).flat_map(|point| changing.iter().map(|dim| point[*dim])).collect();
-    let counted = |parts| n_frames_effective(&changing_points, changing.len(), parts);
-    counted(stretches).min(counted(trips)).max(1.0)
+    let along = along_principal_axis(points);
+    let counted = |parts| n_frames_effective(&along, 1, parts);
+    // It counts for squares; a command that is held throughout a visit would be worth two. Where sorts lie is a matter of means,
+    // for which there are half as many ([`kinds_model::autocorrelation`]).
+    let n_of_squares = counted(stretches).min(counted(trips));
+    if n_of_squares < along.len() as f64 { (n_of_squares / 2.0).max(1.0) } else { n_of_squares }
+}
+
+/// Where commands lie along the direction in which they differ most: there two sorts are apart, if there are two. Across it,
+/// the trembling of a hand would pass for steering.
+fn along_principal_axis(points: &[f64]) -> Vec<f64> {
+    let n_frames = (points.len() / 2) as f64;
+    let places = || points.chunks_exact(2).map(|point| (point[0], point[1]));
+    let (x, y) = places().fold((0.0, 0.0), |(x, y), point| (x + point.0 / n_frames, y + point.1 / n_frames));
+    let sum = |of: fn(f64, f64) -> f64| places().map(|point| of(point.0 - x, point.1 - y)).sum::<f64>();
+    let (xx, xy, yy) = (sum(|x, _| x * x), sum(|x, y| x * y), sum(|_, y| y * y));
+    let (sin, cos) = (0.5 * (2.0 * xy).atan2(xx - yy)).sin_cos();
+    places().map(|point| cos * (point.0 - x) + sin * (point.1 - y)).collect()
 }
 
 fn of_frames(mixture: &Mixture, points: &[f64]) -> Vec<usize> {

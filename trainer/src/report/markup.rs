@@ -6,7 +6,7 @@ use std::fmt::Write;
 /// Text that stands for itself in HTML and SVG, between tags and in quoted values alike.
 ///
 /// Characters that XML cannot hold (a file's name may have them) become U+FFFD.
-pub(super) fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for character in text.chars() {
         match character {

@@ -48,6 +48,7 @@ mod sections;
 mod surfaces;
 mod theme;
 mod time;
+mod topology;
 mod views;
 
 pub use curves::{residual_variance, spectrum};
@@ -56,6 +57,7 @@ pub use evaluation::{add_classified_trips, add_evaluation};
 pub use figure::Figure;
 pub use kinds_met::kinds_met;
 pub use kinds_tried::kinds_tried;
+pub(crate) use markup::escaped;
 pub use methods::{add_methods, kinds_agreement, method_table};
 pub use neighbors_tried::neighbors_tried;
 pub use page::{Column, Page, ReportFile, Table};
@@ -65,6 +67,7 @@ pub use scores::{consistency, consistency_table};
 pub use sections::{add_learnt_trips, add_model, add_trips, method_name};
 pub use surfaces::consistency_surfaces;
 pub use time::kinds_along_time;
+pub use topology::{region_table, topological_map};
 pub use views::canonical_views;
 
 #[cfg(test)]

@@ -23,8 +23,7 @@ const HEIGHT_PX_MIN: f64 = 90.0;
 /// * `name`, `title` — of the figure; its files have the name
 /// * `n_kinds` — of the model, so that every figure has the same legend
 pub fn kinds_on_path(name: &str, title: &str, n_kinds: usize, trips: &[TripKinds]) -> Figure {
-    let poses = || trips.iter().flat_map(|trip| trip.poses).flatten();
-    let bounds = [range(poses().map(|pose| pose.x_m)), range(poses().map(|pose| pose.y_m))];
+    let bounds = bounds(trips);
     let panels = trips.iter().map(|trip| map(trip, bounds)).collect();
     let mut csv = Csv::new(&["trip", "frame", "x_m", "y_m", "kind"]);
     for trip in trips {
@@ -66,18 +65,29 @@ fn most_frequent(kinds: &[Option<usize>]) -> String {
     }
 }
 
-fn map(trip: &TripKinds, bounds: [(f64, f64); 2]) -> Drawing {
+/// What of x and of y a map of all trips shows, metres.
+pub(super) fn bounds(trips: &[TripKinds]) -> [(f64, f64); 2] {
+    let poses = || trips.iter().flat_map(|trip| trip.poses).flatten();
+    [range(poses().map(|pose| pose.x_m)), range(poses().map(|pose| pose.y_m))]
+}
+
+/// An empty map, on which a metre is as long across as up.
+pub(super) fn space(name: &str, bounds: [(f64, f64); 2]) -> Chart {
     let [x, y] = same_scale(bounds, WIDTH_MAX - MARGINS_PX.0);
     let height_px = (WIDTH_MAX - MARGINS_PX.0) * (y.1 - y.0) / (x.1 - x.0);
     // Ticks of the shorter axis are no closer than those of the longer.
     let step = Ticks::new(if height_px < WIDTH_MAX - MARGINS_PX.0 { x } else { y }, 6, 0.0);
     let step_min = step.values.windows(2).map(|pair| pair[1] - pair[0]).next().unwrap_or(0.0);
-    let mut chart = Chart::new(
+    Chart::new(
         (WIDTH_MAX, height_px + MARGINS_PX.1),
-        trip.title,
+        name,
         Axis { title: "x", unit: "m", range: x, step_min, px_per_tick: X_PX_PER_TICK },
         Axis { title: "y", unit: "m", range: y, step_min, px_per_tick: Y_PX_PER_TICK },
-    );
+    )
+}
+
+fn map(trip: &TripKinds, bounds: [(f64, f64); 2]) -> Drawing {
+    let mut chart = space(trip.title, bounds);
     let places: Vec<Option<Place>> =
         trip.poses.iter().map(|pose| pose.map(|pose| chart.at((pose.x_m, pose.y_m)))).collect();
     let kinds = placed_kinds(trip);

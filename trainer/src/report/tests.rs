@@ -1,6 +1,7 @@
 //! Reports of small made-up data, read back as a person's browser reads them: the page, and what all figures have in common.
 
 mod figures;
+mod topology;
 
 use std::collections::BTreeMap;
 
@@ -209,6 +210,7 @@ fn figures() -> Vec<Figure> {
         surfaces(),
         registration(),
         kinds_met("kinds-met", "Which for which", ["a", "b & c"], &[vec![7, 1], vec![0, 0]]),
+        topology::figure(),
     ];
     plain.into_iter().chain(kinds_tried::tests::figure()).chain(neighbors_tried::tests::figure()).collect()
 }
