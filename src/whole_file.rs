@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
+use crate::failure::Failure;
+
 /// A file that is on disk under a temporary name. Dropped before it is kept, it leaves nothing behind.
 pub(crate) struct Staged {
     file: NamedTempFile,
@@ -30,6 +32,11 @@ impl Staged {
 /// Writes under a temporary name, and renames when all is on disk.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     stage(path, bytes)?.keep()
+}
+
+/// Finds out, before long work, whether a file can be written.
+pub(crate) fn check_writable(path: &Path) -> Result<(), Failure> {
+    stage(path, &[]).map(drop).map_err(|error| Failure::file("write", path, &error))
 }
 
 /// Writes under a temporary name.

@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use kinds_trainer::EvaluationPlan;
+use kinds_trainer::{EvaluationPlan, MapPlan};
 use kinds_trips::Selection;
 
 use super::ReadingArguments;
+use crate::failure::Failure;
 
 #[derive(Args, Debug)]
 #[command(allow_negative_numbers = true)]
@@ -40,10 +41,16 @@ pub(crate) struct EvaluateArguments {
     /// Shares that consistency is measured at, evenly spread from 0 to below 1
     #[arg(long, default_value_t = 20, value_name = "N")]
     shares: usize,
+    /// What is smaller is no region of the topological map, metres [default: three times --radius-m]
+    #[arg(long, value_name = "M")]
+    region_m: Option<f64>,
+    /// File to write the mean command of each kind to, in RON: a first-pass policy
+    #[arg(long, value_name = "FILE.ron")]
+    pub(crate) policy: Option<PathBuf>,
     /// Resamples of the path that confidence intervals are from; 0 for none
     #[arg(long, default_value_t = 1000, value_name = "N")]
     resamples: usize,
-    /// Seed of random kinds, resamples and errors of registration
+    /// Seed of random kinds, resamples, errors of registration and fits to commands
     #[arg(long, default_value_t = 0, value_name = "N")]
     seed: u64,
     /// Folder to write a report to, made if it is not there: report.html, each figure as SVG with its numbers as CSV, and the
@@ -60,6 +67,16 @@ pub(crate) struct EvaluateArguments {
 impl EvaluateArguments {
     pub(crate) fn selection(&self, metres_per_count: f64) -> Selection {
         self.reading.selection(Some(metres_per_count))
+    }
+
+    pub(crate) fn map_plan(&self) -> Result<MapPlan, Failure> {
+        // Places that were never passed twice exactly still are places.
+        let radius_m = if self.radius_m > 0.0 { self.radius_m } else { 1e-3 };
+        let size_m_min = self.region_m.unwrap_or(3.0 * radius_m);
+        match size_m_min.is_finite() && size_m_min >= 0.0 {
+            true => Ok(MapPlan { size_m_min, radius_m }),
+            false => Err(Failure::AskedWrongly(format!("region_m is {size_m_min}; it must be at least 0 m"))),
+        }
     }
 
     pub(crate) fn plan(&self) -> EvaluationPlan {

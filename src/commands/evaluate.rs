@@ -6,34 +6,66 @@ use std::path::{Path, PathBuf};
 
 use kinds_model::Model;
 use kinds_trainer::{
-    Evaluation, LoadedTrip, Meetings, MethodScores, PairScores, Rivals, Scores, Stage, evaluate_single, load,
+    CommandSpread, Evaluation, LoadedTrip, Meetings, MethodScores, PairScores, Policy, Rivals, Scores, Stage,
+    Uses, evaluate_single, load,
 };
-use kinds_trips::Selection;
+use kinds_trips::{Role, Selection};
+use serde::Serialize;
 
 use crate::cli::EvaluateArguments;
 use crate::failure::Failure;
 use crate::progress::StepBar;
 use crate::say::{mention, say};
-use crate::{model_file, report_folder};
+use crate::{model_file, report_folder, whole_file};
+
+/// What `evaluate --json` prints.
+#[derive(Serialize)]
+struct Output<'a> {
+    #[serde(flatten)]
+    evaluation: &'a Evaluation,
+    spaces: &'a [Uses],
+}
 
 pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
     arguments.plan().check()?;
+    let map_plan = arguments.map_plan()?;
     let model = model_file::open(&arguments.model)?;
     arguments.report.as_deref().map_or(Ok(()), report_folder::check_writable)?;
+    arguments.policy.as_deref().map_or(Ok(()), whole_file::check_writable)?;
     let (model, evaluation) = evaluate(model, arguments)?;
     for remark in &evaluation.not_compared {
         eprintln!("kinds: {remark}");
     }
+    let uses = Uses::of(&evaluation.trips, model.mixture().n_kinds(), &map_plan, arguments.plan().seed);
+    if let Some(path) = &arguments.policy {
+        write_policy(path, &model, &uses[0].policy)?;
+    }
     let report = match &arguments.report {
-        Some(folder) => Some(report_folder::write(folder, &report::page(&model, &evaluation))?),
+        Some(folder) => Some(report_folder::write(folder, &report::page(&model, &evaluation, &uses))?),
         None => None,
     };
     if arguments.json {
-        let json = serde_json::to_string_pretty(&evaluation).expect("an evaluation is plain data");
-        return say(json);
+        let output = Output { evaluation: &evaluation, spaces: &uses };
+        return say(serde_json::to_string_pretty(&output).expect("an evaluation is plain data"));
     }
     tell(&evaluation)?;
-    report.map_or(Ok(()), |page| mention(format!("wrote {}", page.display())))
+    uses.iter().try_for_each(tell_uses)?;
+    let written = arguments.policy.iter().chain(&report);
+    written.map(|path| format!("wrote {}", path.display())).try_for_each(mention)
+}
+
+/// Writes the policy of the trips where the kinds are at home.
+fn write_policy(path: &Path, model: &Model, policy: &Policy) -> Result<(), Failure> {
+    if !policy.has_commands() {
+        return Err(Failure::CouldNot(format!(
+            "cannot write a policy: none of the trips ({}) has commands, messages of type {}; record what the robot is told, or name \
+             their topic with --commands-topic",
+            policy.trips.join(", "),
+            Role::Commands.types()
+        )));
+    }
+    let text = policy.to_ron(&model.id().to_string());
+    whole_file::write(path, text.as_bytes()).map_err(|error| Failure::file("write", path, &error))
 }
 
 /// What was found, for a person.
@@ -46,6 +78,40 @@ fn tell(evaluation: &Evaluation) -> Result<(), Failure> {
         say(format!("{}\n", headline(&pair.forward.scores)))?;
         table(&pair.forward.scores).into_iter().try_for_each(say)?;
         say(backward(pair))?;
+    }
+    Ok(())
+}
+
+/// What the kinds of one space make, for a person: a few lines of what a report shows whole.
+fn tell_uses(uses: &Uses) -> Result<(), Failure> {
+    say("")?;
+    for sequence in &uses.sequences {
+        let per_m = sequence.switches_per_m.map_or(String::new(), |rate| format!(", {rate:.2} a metre"));
+        let per_s =
+            sequence.switches_per_s.map_or(String::new(), |rate| format!(" ({rate:.2} a second{per_m})"));
+        say(format!(
+            "{}: the kind changed {} times{per_s}; one lasts {:.1} s in the mean, {:.1} frames where any order would give {:.1}",
+            sequence.trip,
+            sequence.n_switches,
+            sequence.run_s.mean,
+            sequence.run_frames.mean,
+            sequence.run_frames_shuffled
+        ))?;
+    }
+    if let Some(map) = &uses.map {
+        say(format!("map: {} regions, {} ways between them", map.regions.len(), map.edges.len()))?;
+    }
+    for kind in uses.policy.aliased() {
+        let sorts = kind.modes.iter().map(|mode| {
+            let CommandSpread { forward_m_s, turn_rad_s, .. } = mode.command;
+            let share = 100.0 * mode.share;
+            format!("{forward_m_s:.2} m/s turning {turn_rad_s:.2} rad/s ({share:.0} % of the frames)")
+        });
+        say(format!(
+            "kind {} is perceptually aliased: it was driven through at {}",
+            kind.kind,
+            sorts.collect::<Vec<_>>().join(", or at ")
+        ))?;
     }
     Ok(())
 }

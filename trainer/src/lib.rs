@@ -28,6 +28,7 @@ mod topology;
 mod track;
 mod train;
 mod trip_kinds;
+mod uses;
 
 pub use agreement::adjusted_mutual_information;
 pub use config::{CommandsConfig, Config, ConfigError, MethodChoice};
@@ -54,3 +55,4 @@ pub use topology::{Edge, Extent, MapPlan, MeanCommand, Region, TopologicalMap};
 pub use track::Track;
 pub use train::{PcaModels, TrainError, Trained, train};
 pub use trip_kinds::TripKinds;
+pub use uses::Uses;

@@ -1,15 +1,18 @@
 //! The page that an evaluation leaves: where the kinds are, whether they repeat, and what they are good for.
 
 use kinds_model::Model;
-use kinds_trainer::Evaluation;
-use kinds_trainer::report::{Page, add_classified_trips, add_evaluation, canonical_views, embedding};
+use kinds_trainer::report::{
+    Page, add_classified_trips, add_evaluation, add_uses, canonical_views, embedding,
+};
+use kinds_trainer::{Evaluation, Uses};
 
-pub(super) fn page(model: &Model, evaluation: &Evaluation) -> Page {
+pub(super) fn page(model: &Model, evaluation: &Evaluation, uses: &[Uses]) -> Page {
     let titles: Vec<&str> = evaluation.trips.iter().map(|trip| trip.track.title.as_str()).collect();
     let n_kinds = model.mixture().n_kinds();
     let mut page = Page::new(&format!("What kinds are good for: {}", titles.join(", ")));
     add_classified_trips(&mut page, n_kinds, &evaluation.trips);
     add_evaluation(&mut page, evaluation);
+    add_uses(&mut page, n_kinds, &evaluation.trips, uses);
     page.section("The kinds");
     page.figure(canonical_views(model));
     page.figure(embedding(model));

@@ -4,7 +4,9 @@
 //! SVG whose colours follow the page from light to dark, and comes with the numbers drawn. Functions of this module make
 //! the figures: of a model ([`neighbors_tried`], [`residual_variance`], [`spectrum`], [`kinds_tried`], [`embedding`], [`canonical_views`]), of
 //! trips whose frames have been classified ([`kinds_on_path`], [`kinds_along_time`]) and of an evaluation
-//! ([`consistency`], [`consistency_surfaces`], [`kinds_met`], [`registration_errors`]). [`add_model`], [`add_methods`], [`add_trips`] and [`add_evaluation`] put them on a page with their tables and words:
+//! ([`consistency`], [`consistency_surfaces`], [`kinds_met`], [`registration_errors`]), and of what kinds are good for
+//! ([`transitions`], [`run_lengths`], [`topological_map`], [`commands`]). [`add_model`], [`add_methods`], [`add_trips`],
+//! [`add_evaluation`] and [`add_uses`] put them on a page with their tables and words:
 //!
 //! ```no_run
 //! # fn report(model: &kinds_model::Model, trips: &[kinds_trainer::TripKinds], evaluation: &kinds_trainer::Evaluation) {
@@ -41,14 +43,17 @@ mod methods;
 mod neighbors_tried;
 mod page;
 mod path;
+mod policy;
 mod rays;
 mod registration;
 mod scores;
 mod sections;
+mod sequences;
 mod surfaces;
 mod theme;
 mod time;
 mod topology;
+mod uses;
 mod views;
 
 pub use curves::{residual_variance, spectrum};
@@ -62,12 +67,15 @@ pub use methods::{add_methods, kinds_agreement, method_table};
 pub use neighbors_tried::neighbors_tried;
 pub use page::{Column, Page, ReportFile, Table};
 pub use path::kinds_on_path;
+pub use policy::{add_policy, commands, policy_table};
 pub use registration::registration_errors;
 pub use scores::{consistency, consistency_table};
 pub use sections::{add_learnt_trips, add_model, add_trips, method_name};
+pub use sequences::{add_sequences, run_lengths, sequence_table, transitions};
 pub use surfaces::consistency_surfaces;
 pub use time::kinds_along_time;
 pub use topology::{region_table, topological_map};
+pub use uses::add_uses;
 pub use views::canonical_views;
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ pub struct Page {
     headings: Vec<String>,
     body: String,
     figures: Vec<Figure>,
+    attached: Vec<ReportFile>,
 }
 
 /// A table of text and numbers.
@@ -94,7 +95,13 @@ impl Table {
 impl Page {
     /// A page with nothing on it yet.
     pub fn new(title: &str) -> Self {
-        Self { title: title.to_string(), headings: Vec::new(), body: String::new(), figures: Vec::new() }
+        Self {
+            title: title.to_string(),
+            headings: Vec::new(),
+            body: String::new(),
+            figures: Vec::new(),
+            attached: Vec::new(),
+        }
     }
 
     /// Begins a section.
@@ -141,6 +148,19 @@ impl Page {
         self.figures.push(figure);
     }
 
+    /// Adds a file that belongs to the page, for other programs.
+    ///
+    /// # Panics
+    /// If there is a file of this name: a bug of the caller.
+    pub fn attach(&mut self, file: ReportFile) {
+        assert!(
+            self.attached.iter().all(|other| other.name != file.name),
+            "a second file is named {}",
+            file.name
+        );
+        self.attached.push(file);
+    }
+
     /// The page: HTML that is well-formed XML too.
     pub fn to_html(&self) -> String {
         let (title, style) = (escaped(&self.title), theme::of_page());
@@ -157,7 +177,7 @@ impl Page {
         )
     }
 
-    /// All files of the report: `report.html`, and for each figure `NAME.svg` and `NAME.csv`.
+    /// All files of the report: `report.html`, for each figure `NAME.svg` and `NAME.csv`, and what was attached.
     pub fn files(&self) -> Vec<ReportFile> {
         let page = ReportFile { name: "report.html".to_string(), contents: self.to_html() };
         let of_figures = self.figures.iter().flat_map(|figure| {
@@ -165,7 +185,7 @@ impl Page {
                 |extension, contents| ReportFile { name: format!("{}.{extension}", figure.name()), contents };
             [file("svg", figure.to_svg()), file("csv", figure.csv().to_string())]
         });
-        [page].into_iter().chain(of_figures).collect()
+        [page].into_iter().chain(of_figures).chain(self.attached.iter().cloned()).collect()
     }
 
     fn add(&mut self, markup: &str) {
