@@ -41,12 +41,16 @@ pub(crate) struct EvaluateArguments {
     /// Shares that consistency is measured at, evenly spread from 0 to below 1
     #[arg(long, default_value_t = 20, value_name = "N")]
     shares: usize,
-    /// What is smaller is no region of the topological map, metres [default: three times --radius-m]
+    /// What is smaller is no region of the topological map, metres [default: six times --radius-m]
     #[arg(long, value_name = "M")]
     region_m: Option<f64>,
     /// File to write the mean command of each kind to, in RON: a first-pass policy
     #[arg(long, value_name = "FILE.ron")]
     pub(crate) policy: Option<PathBuf>,
+    /// A person's own segmentation of the trips, to compare with the kinds: a table (.csv) with the titles trip, from_s, to_s and
+    /// name, or the same as a list in RON (.ron); seconds from a trip's first frame; of a single trip, trip may be left out
+    #[arg(long, value_name = "FILE.csv|FILE.ron")]
+    pub(crate) segments: Option<PathBuf>,
     /// Resamples of the path that confidence intervals are from; 0 for none
     #[arg(long, default_value_t = 1000, value_name = "N")]
     resamples: usize,
@@ -72,7 +76,7 @@ impl EvaluateArguments {
     pub(crate) fn map_plan(&self) -> Result<MapPlan, Failure> {
         // Places that were never passed twice exactly still are places.
         let radius_m = if self.radius_m > 0.0 { self.radius_m } else { 1e-3 };
-        let size_m_min = self.region_m.unwrap_or(3.0 * radius_m);
+        let size_m_min = self.region_m.unwrap_or(6.0 * radius_m);
         match size_m_min.is_finite() && size_m_min >= 0.0 {
             true => Ok(MapPlan { size_m_min, radius_m }),
             false => Err(Failure::AskedWrongly(format!("region_m is {size_m_min}; it must be at least 0 m"))),

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 
 use kinds_model::Model;
 use kinds_trainer::{
-    CommandSpread, Evaluation, LoadedTrip, Meetings, MethodScores, PairScores, Policy, Rivals, Scores, Stage,
-    Uses, evaluate_single, load,
+    ClassifiedTrip, CommandSpread, Evaluation, LoadedTrip, Meetings, MethodScores, PairScores, Policy,
+    Rivals, Scores, SegmentFormat, Segmentation, SegmentationAgreement, Stage, Track, TripKinds, Uses,
+    evaluate_single, load,
 };
 use kinds_trips::{Role, Selection};
 use serde::Serialize;
@@ -24,6 +25,8 @@ struct Output<'a> {
     #[serde(flatten)]
     evaluation: &'a Evaluation,
     spaces: &'a [Uses],
+    /// A person's segmentation beside the kinds, if one was given.
+    segmentation: Option<&'a SegmentationAgreement>,
 }
 
 pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
@@ -32,26 +35,73 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
     let model = model_file::open(&arguments.model)?;
     arguments.report.as_deref().map_or(Ok(()), report_folder::check_writable)?;
     arguments.policy.as_deref().map_or(Ok(()), whole_file::check_writable)?;
-    let (model, evaluation) = evaluate(model, arguments)?;
+    let segments = arguments.segments.as_deref().map(Segments::read).transpose()?;
+    let Evaluated { model, evaluation, segmentation } = evaluate(model, arguments, segments.as_ref())?;
+    let n_kinds = model.mixture().n_kinds();
+    let agreement = segmentation.map(|segmentation| {
+        let trips: Vec<TripKinds> = evaluation.trips.iter().map(ClassifiedTrip::trip_kinds).collect();
+        segmentation.compare(&trips, n_kinds)
+    });
     for remark in &evaluation.not_compared {
         eprintln!("kinds: {remark}");
     }
-    let uses = Uses::of(&evaluation.trips, model.mixture().n_kinds(), &map_plan, arguments.plan().seed);
+    let uses = Uses::of(&evaluation.trips, n_kinds, &map_plan, arguments.plan().seed);
     if let Some(path) = &arguments.policy {
         write_policy(path, &model, &uses[0].policy)?;
     }
     let report = match &arguments.report {
-        Some(folder) => Some(report_folder::write(folder, &report::page(&model, &evaluation, &uses))?),
+        Some(folder) => {
+            let page = report::page(&model, &evaluation, &uses, agreement.as_ref());
+            Some(report_folder::write(folder, &page)?)
+        }
         None => None,
     };
     if arguments.json {
-        let output = Output { evaluation: &evaluation, spaces: &uses };
+        let output = Output { evaluation: &evaluation, spaces: &uses, segmentation: agreement.as_ref() };
         return say(serde_json::to_string_pretty(&output).expect("an evaluation is plain data"));
     }
     tell(&evaluation)?;
-    uses.iter().try_for_each(tell_uses)?;
+    for (index, uses) in uses.iter().enumerate() {
+        if index > 0 || !evaluation.pairs.is_empty() {
+            say("")?;
+        }
+        tell_uses(uses)?;
+    }
+    agreement.iter().try_for_each(tell_agreement)?;
     let written = arguments.policy.iter().chain(&report);
     written.map(|path| format!("wrote {}", path.display())).try_for_each(mention)
+}
+
+/// A segmentation that was read and waits for the trips that it is of.
+struct Segments<'a> {
+    path: &'a Path,
+    text: String,
+    format: SegmentFormat,
+}
+
+impl<'a> Segments<'a> {
+    /// Before long work.
+    fn read(path: &'a Path) -> Result<Self, Failure> {
+        let format = match path.extension().and_then(|extension| extension.to_str()) {
+            Some("csv") => SegmentFormat::Csv,
+            Some("ron") => SegmentFormat::Ron,
+            _ => {
+                let path = path.display();
+                let what =
+                    format!("segments are {path}; it must be a table, FILE.csv, or a list in RON, FILE.ron");
+                return Err(Failure::AskedWrongly(what));
+            }
+        };
+        let text = std::fs::read_to_string(path).map_err(|error| Failure::file("read", path, &error))?;
+        Ok(Self { path, text, format })
+    }
+
+    fn of(&self, trips: &[LoadedTrip]) -> Result<Segmentation, Failure> {
+        let tracks: Vec<Track> = trips.iter().map(Track::of).collect();
+        let trips: Vec<TripKinds> = tracks.iter().map(|track| track.with_kinds(&[])).collect();
+        Segmentation::parse(&self.text, self.format, &trips)
+            .map_err(|error| Failure::CouldNot(format!("{}: {error}", self.path.display())))
+    }
 }
 
 /// Writes the policy of the trips where the kinds are at home.
@@ -84,7 +134,6 @@ fn tell(evaluation: &Evaluation) -> Result<(), Failure> {
 
 /// What the kinds of one space make, for a person: a few lines of what a report shows whole.
 fn tell_uses(uses: &Uses) -> Result<(), Failure> {
-    say("")?;
     for sequence in &uses.sequences {
         let per_m = sequence.switches_per_m.map_or(String::new(), |rate| format!(", {rate:.2} a metre"));
         let per_s =
@@ -116,24 +165,51 @@ fn tell_uses(uses: &Uses) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Evaluates with a progress bar, and gives the model back.
-fn evaluate(model: Model, arguments: &EvaluateArguments) -> Result<(Model, Evaluation), Failure> {
+/// How far a person and the robot agree, for a person.
+fn tell_agreement(agreement: &SegmentationAgreement) -> Result<(), Failure> {
+    let SegmentationAgreement { names, n_frames_named, ami, kinds_differ, names_differ, .. } = agreement;
+    say(format!(
+        "\n{} names for {n_frames_named} frames: adjusted mutual information with the kinds {:.2}; in {} stretches a name has another \
+         kind than usual, in {} a kind another name",
+        names.len(),
+        hundredths(*ami),
+        kinds_differ.len(),
+        names_differ.len()
+    ))
+}
+
+/// What evaluating came to.
+struct Evaluated {
+    model: Model,
+    evaluation: Evaluation,
+    segmentation: Option<Segmentation>,
+}
+
+/// Evaluates with a progress bar.
+fn evaluate(
+    model: Model,
+    arguments: &EvaluateArguments,
+    segments: Option<&Segments>,
+) -> Result<Evaluated, Failure> {
     let mut bar = StepBar::new();
     let selection = arguments.selection(model.layout().metres_per_count);
     let mut read = |paths: &[PathBuf]| -> Result<Vec<LoadedTrip>, Failure> {
         paths.iter().map(|path| read_trip(path, &selection, &model, &mut bar)).collect()
     };
-    let (home, elsewhere) = (read(&arguments.trips)?, read(&arguments.elsewhere)?);
+    let mut trips = read(&arguments.trips)?;
+    trips.extend(read(&arguments.elsewhere)?);
+    let segmentation = segments.map(|segments| segments.of(&trips)).transpose()?;
+    let spaces: [&[LoadedTrip]; 2] = trips.split_at(arguments.trips.len()).into();
     let plan = arguments.plan();
-    let meetings = Meetings::find(model.layout(), &[&home, &elsewhere], &plan.same_place())?;
+    let meetings = Meetings::find(model.layout(), &spaces, &plan.same_place())?;
     let mut show = |stage: Stage, done, all| bar.show(stage, done, all);
     if meetings.is_empty() {
         let evaluation = evaluate_single(&model, &meetings, &plan, &mut show);
-        return Ok((model, evaluation));
+        return Ok(Evaluated { model, evaluation, segmentation });
     }
     let rivals = Rivals::of(model, &mut show)?;
     let evaluation = kinds_trainer::evaluate(&rivals, &meetings, &plan, &mut show)?;
-    Ok((rivals.own_model().clone(), evaluation))
+    Ok(Evaluated { model: rivals.own_model().clone(), evaluation, segmentation })
 }
 
 fn read_trip(

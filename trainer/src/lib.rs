@@ -22,6 +22,7 @@ pub mod report;
 mod rivals;
 mod runs;
 mod scores;
+mod segmentation;
 mod sequence;
 mod surface;
 mod topology;
@@ -49,6 +50,9 @@ pub use registration::{Jittered, RegistrationScores};
 pub use rivals::{Methods, RivalError, Rivals};
 pub use runs::Runs;
 pub use scores::{Confidence, DirectedScores, KappaLead, MethodScores, Scores};
+pub use segmentation::{
+    KindDiffers, NameDiffers, SegmentFormat, Segmentation, SegmentationAgreement, SegmentationError,
+};
 pub use sequence::{RunLengths, Sequence};
 pub use surface::{Grid, Surface};
 pub use topology::{Edge, Extent, MapPlan, MeanCommand, Region, TopologicalMap};

@@ -131,7 +131,7 @@ impl Comparison<'_> {
         own: usize,
         done: &(dyn Fn(u64) + Sync),
     ) -> DirectedScores {
-        let (block_m, ranges) = self.blocks(&methods[own].kinds[0]);
+        let (block_m, ranges) = self.blocks(&methods[0].kinds[0]);
         let kinds: Vec<[&[usize]; 2]> =
             methods.iter().map(|method| method.kinds.each_ref().map(Vec::as_slice)).collect();
         let grids = surface::count(self.places, self.heading_tolerance_rad, &kinds, self.grid, &ranges, done);
@@ -169,7 +169,7 @@ impl Comparison<'_> {
     }
 
     /// Blocks of the first trip's path: as long as a kind's usual stretch and the places about its two ends, since what is taken
-    /// for another kind is so for a stretch or at its ends.
+    /// for another kind is so for a stretch or at its ends. By Isomap's kinds, whichever method is evaluated.
     fn blocks(&self, kinds: &[usize]) -> (f64, Vec<Range<usize>>) {
         let travelled_m = self.places[0].travelled_m();
         let length_m = travelled_m.last().copied().unwrap_or(0.0);

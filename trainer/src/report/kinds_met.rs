@@ -23,7 +23,7 @@ pub fn kinds_met(name: &str, title: &str, trips: [&str; 2], met: &[Vec<usize>]) 
     });
     let (first, second) = (trips[0], trips[1]);
     let matrix = Matrix {
-        name: "",
+        name: first,
         row_title: "kind",
         column_title: "kind of the nearest frame, % of the row",
         rows: names.clone(),

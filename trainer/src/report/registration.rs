@@ -5,7 +5,7 @@ use super::figure::Figure;
 use super::markup::Csv;
 use crate::registration::{Jittered, RegistrationScores};
 
-const WIDTH_PX: f64 = 290.0;
+const WIDTH_PX: f64 = 282.0;
 const HEIGHT_PX: f64 = 170.0;
 
 /// κ by the size of errors that were added to the second trip's poses.

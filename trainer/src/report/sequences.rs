@@ -21,7 +21,7 @@ pub fn add_sequences(page: &mut Page, space: usize, trips: &[TripKinds], sequenc
     page.section(&elsewhere("Kinds one after the other", space));
     page.paragraph(
         "Kinds that say something of places last while the robot goes on; kinds that say nothing change from frame to frame. The \
-         last column is how long they would last if the same frames came in any order.",
+         last two columns are how many frames they last in the mean, and how many if the same frames came in any order.",
     );
     page.table(&sequence_table(sequences));
     let title = "What follows what";
@@ -39,6 +39,7 @@ pub fn sequence_table(sequences: &[Sequence]) -> Table {
         "a kind lasts",
         "median",
         "longest",
+        "frames",
         "in any order",
     ];
     let columns = [Column::text("trip")].into_iter().chain(numbers.map(Column::number));
@@ -54,7 +55,8 @@ pub fn sequence_table(sequences: &[Sequence]) -> Table {
             format!("{:.1}\u{a0}s", sequence.run_s.mean),
             format!("{:.1}\u{a0}s", sequence.run_s.median),
             format!("{:.1}\u{a0}s", sequence.run_s.longest),
-            format!("{:.1} of {:.1} frames", sequence.run_frames_shuffled, sequence.run_frames.mean),
+            format!("{:.1}", sequence.run_frames.mean),
+            format!("{:.1}", sequence.run_frames_shuffled),
         ]);
     }
     table

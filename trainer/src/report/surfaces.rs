@@ -15,8 +15,8 @@ const N_LEVELS: usize = 20;
 /// How much colour a value of 0 has, so that it is told from no value.
 const OPACITY_MIN: f64 = 0.06;
 
-/// Width of a panel, pixels: two stand side by side on a telephone turned sideways, three on a page.
-const WIDTH_PX: f64 = 290.0;
+/// Three stand side by side on a wide page.
+const WIDTH_PX: f64 = 282.0;
 const HEIGHT_PX: f64 = 180.0;
 
 /// Consistency over radius and share, a panel for each method.

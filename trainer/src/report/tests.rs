@@ -10,7 +10,7 @@ use kinds_model::{
     EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale,
     SensorLayout, fit,
 };
-use kinds_trips::Pose;
+use kinds_trips::{Command, Pose};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -24,7 +24,10 @@ use crate::scores::{Confidence, DirectedScores, KappaLead, MethodScores, Scores}
 use crate::surface::{Grid, Surface};
 use crate::track::Track;
 use crate::trip_kinds::TripKinds;
-use crate::{Consistency, Evaluation, Jittered, PairScores, RegistrationScores};
+use crate::{
+    ClassifiedTrip, Consistency, Evaluation, Jittered, MapPlan, PairScores, Policy, RegistrationScores,
+    SegmentFormat, Segmentation, SegmentationAgreement, Sequence, Uses,
+};
 
 /// A model of a robot that goes from place to place, over and over: 120 frames in one, 80 and 40 in others.
 fn model(sensor: SensorLayout, scale: Scale, n_dims: usize, n_kinds: usize) -> Model {
@@ -160,6 +163,23 @@ fn registration_scores() -> Vec<RegistrationScores> {
     ]
 }
 
+/// A trip that is steered left in kind 0, and left or right in kind 1.
+fn told() -> Figure {
+    let turn = |turn_rad_s| Some(Command { forward_m_s: 0.5, turn_rad_s });
+    let commands = [turn(1.0), turn(0.9), turn(1.0), turn(-1.0), None];
+    let trip = TripKinds { commands: &commands, ..TRIP };
+    commands_figure(&trip)
+}
+
+fn commands_figure(trip: &TripKinds) -> Figure {
+    commands("commands", "Commands <in> each kind", &[*trip], &Policy::of(&[*trip], 2, 0))
+}
+
+fn named() -> SegmentationAgreement {
+    let text = "from_s,to_s,name\n0,0.25,<hall>\n0.25,1,door\n";
+    Segmentation::parse(text, SegmentFormat::Csv, &[TRIP]).unwrap().compare(&[TRIP], 2)
+}
+
 fn registration() -> Figure {
     registration_errors("registration", "When poses are off", 0.7, &registration_scores())
 }
@@ -211,6 +231,10 @@ fn figures() -> Vec<Figure> {
         registration(),
         kinds_met("kinds-met", "Which for which", ["a", "b & c"], &[vec![7, 1], vec![0, 0]]),
         topology::figure(),
+        transitions("transitions", "What <follows> what", &[Sequence::of(&TRIP, 2)]),
+        run_lengths("run-lengths", "How long", &[TRIP]),
+        told(),
+        names_and_kinds("segmentation", "Names & kinds", &named()),
     ];
     plain.into_iter().chain(kinds_tried::tests::figure()).chain(neighbors_tried::tests::figure()).collect()
 }
@@ -584,4 +608,46 @@ fn trips_without_poses_have_a_sentence_instead_of_a_map() {
             "<p>Nobody knows where the robot was: there is no map without nav_msgs/msg/Odometry or geometry_msgs/msg/PoseStamped.</p>"
         )
     );
+}
+
+#[test]
+fn what_kinds_are_good_for_is_said_in_words_where_there_is_nothing_to_draw() {
+    let nowhere = TripKinds { poses: &[None; 5], commands: &[None; 5], ..TRIP };
+    let track = Track {
+        title: "trip".to_string(),
+        seconds: nowhere.seconds.to_vec(),
+        poses: nowhere.poses.to_vec(),
+        commands: nowhere.commands.to_vec(),
+    };
+    let trips = [ClassifiedTrip { space: 0, track, kinds: nowhere.kinds.to_vec() }];
+    let uses = Uses::of(&trips, 2, &MapPlan { size_m_min: 1.0, radius_m: 0.3 }, 0);
+    let mut page = Page::new("Kinds");
+    add_uses(&mut page, 2, &trips, &uses);
+    add_segmentation(&mut page, &named());
+    let html = page.to_html();
+    for words in [
+        "there is no map without nav_msgs/msg/Odometry",
+        "there are no commands without geometry_msgs/msg/Twist",
+        "To the person the same place as elsewhere, to the robot another:",
+    ] {
+        assert!(html.contains(words), "{words}");
+    }
+    let names: Vec<String> =
+        page.files().into_iter().map(|file| file.name).filter(|name| name.ends_with("svg")).collect();
+    assert_eq!(names, ["transitions.svg", "run-lengths.svg", "segmentation.svg"]);
+}
+
+#[test]
+fn a_list_of_disagreements_ends_where_nobody_reads_on_and_says_how_many_there_are_more() {
+    // Each of 25 stretches of the name lasts one frame of another kind.
+    let kinds: Vec<usize> = (0..100).map(|frame| usize::from(frame % 4 == 3)).collect();
+    let seconds: Vec<f64> = (0..100).map(f64::from).collect();
+    let trip = TripKinds { title: "trip", seconds: &seconds, poses: &[], commands: &[], kinds: &kinds };
+    let text = "[(from_s: 0, to_s: 100, name: \"hall\")]";
+    let agreement = Segmentation::parse(text, SegmentFormat::Ron, &[trip]).unwrap().compare(&[trip], 2);
+    let mut page = Page::new("Kinds");
+    add_segmentation(&mut page, &agreement);
+    let html = page.to_html();
+    assert_eq!(html.matches("<td>hall</td>").count(), 20);
+    assert!(html.contains("And 5 shorter stretches.") && html.contains("<p>Nowhere.</p>"), "{html}");
 }

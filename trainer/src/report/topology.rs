@@ -29,8 +29,10 @@ pub fn topological_map(
         "Each circle is a region, a place of one kind, with its number and the kind's colour and width; the larger, the longer the robot \
          was there. Where circles would cover each other they are moved, and a line leads to the place. An arrow leads to the \
          region that came next; the number on it, where there is room, says how often. Thin lines: the path. {n_regions} \
-         regions, {n_edges} edges; what lasted for less than {size_m_min}\u{a0}m was taken for the kind around it, and what lies \
-         within {radius_m}\u{a0}m for one place."
+         regions, {n_edges} edges; what was smaller than {}\u{a0}m was taken for the kind around it, and what lies \
+         within {}\u{a0}m for one place.",
+        px(size_m_min),
+        px(radius_m)
     );
     let panel = match trips {
         [trip] => drawn(trip.title, map, trips),

@@ -75,7 +75,7 @@ fn edges(map: &TopologicalMap) -> Vec<(usize, usize, usize)> {
 
 /// Bernoulli's lemniscate, 8 m wide, from its right end, 400 frames a lap; poses and kinds are noisy.
 ///
-/// * `loop_kinds` — of the left and the right loop; the crossing, 1.6 m wide, is of kind 0
+/// * `loop_kinds` — of the left and the right loop; the crossing, 2.4 m wide, is of kind 0
 fn eight(loop_kinds: [usize; 2], n_laps: usize, seed: u64) -> (Trip, Vec<Option<usize>>) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut trip = Trip::default();
@@ -86,7 +86,7 @@ fn eight(loop_kinds: [usize; 2], n_laps: usize, seed: u64) -> (Trip, Vec<Option<
         let turn = TAU * frame as f64 / 400.0;
         let x_m = 4.0 * turn.cos() / (1.0 + turn.sin().powi(2));
         let y_m = x_m * turn.sin();
-        let kind = if x_m.abs() < 0.8 { 0 } else { loop_kinds[usize::from(x_m > 0.0)] };
+        let kind = if x_m.abs() < 1.2 { 0 } else { loop_kinds[usize::from(x_m > 0.0)] };
         if flip.1 == 0 && random.random_range(0.0..1.0) < 0.04 {
             flip = (random.random_range(0..4), random.random_range(1..=4));
         }
@@ -97,14 +97,14 @@ fn eight(loop_kinds: [usize; 2], n_laps: usize, seed: u64) -> (Trip, Vec<Option<
         trip.poses.push(at(x_m + noise_m(), y_m + noise_m()));
         // Regions in the order of their first visits: right, crossing, left. Within a least size of the borders noise may decide:
         // what is cut off there by a flicker, and smaller, goes to either side.
-        let region = if x_m > 0.8 {
+        let region = if x_m > 1.2 {
             0
-        } else if x_m > -0.8 {
+        } else if x_m > -1.2 {
             1
         } else {
             2
         };
-        truth.push(((x_m.abs() - 0.8).abs() > 0.8).then_some(region));
+        truth.push(((x_m.abs() - 1.2).abs() > 0.8).then_some(region));
     }
     (trip, truth)
 }
@@ -124,8 +124,8 @@ fn a_figure_of_eight_has_one_crossing_and_two_loops_whether_these_are_of_one_kin
                 assert!(expected.is_none() || found == expected, "{found:?}, not {expected:?}");
             }
             let [right, crossing, left] = [0, 1, 2].map(|index| map.regions[index].extent);
-            assert!(left.x_m_max < 0.04 && right.x_m_min > -0.04, "{left:?} {right:?}");
-            assert!(crossing.x_m_min > -1.64 && crossing.x_m_max < 1.64, "{crossing:?}");
+            assert!(left.x_m_max < -0.36 && right.x_m_min > 0.36, "{left:?} {right:?}");
+            assert!(crossing.x_m_min > -2.04 && crossing.x_m_max < 2.04, "{crossing:?}");
         }
     }
 }
