@@ -34,7 +34,6 @@
 //! | J, α, μ, Σ | `n_kinds`, `weights`, `means`, `covariances` | | Gaussian mixture; one component is one kind |
 //!
 //! Lengths are in counts of the response's scale (see [`response`]) by the model's [`metric`], squared lengths in counts².
-#![forbid(unsafe_code)]
 
 pub mod array;
 pub mod autocorrelation;
@@ -64,6 +63,8 @@ pub mod plan;
 mod reference;
 pub mod residual_variance;
 pub mod response;
+mod simd;
+mod squares;
 mod tally;
 
 pub use classify::{Classification, Classifier, Status};
