@@ -37,6 +37,7 @@
 
 pub mod array;
 pub mod autocorrelation;
+mod blocks;
 pub mod classify;
 pub mod command;
 mod eigen;
@@ -63,9 +64,12 @@ pub mod plan;
 mod reference;
 pub mod residual_variance;
 pub mod response;
+mod search;
 mod simd;
 mod squares;
 mod tally;
+#[cfg(test)]
+mod testing;
 
 pub use classify::{Classification, Classifier, Status};
 pub use command::{Command, CommandColumn, CommandScale, Commands};
