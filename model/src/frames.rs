@@ -78,7 +78,7 @@ impl Frames {
         Self { n_readings, n_columns, counts, blocks: None }
     }
 
-    /// The same frames, ready to be searched: [`nearest`](crate::neighbors) and all that asks it give the same answers, sooner.
+    /// The same frames, ready to be searched: whoever looks for the nearest of them finds the same, sooner.
     ///
     /// Reads every frame once.
     ///

@@ -54,7 +54,8 @@ impl Instructions {
         all
     }
 
-    /// Runs a loop compiled for these instructions. Whatever it calls must be `#[inline(always)]`, or is not.
+    /// Runs a loop compiled for these instructions. The closure and whatever it calls must be `#[inline(always)]`: what is not
+    /// inlined is compiled for the portable ones, and gives the same later.
     #[inline(always)]
     pub(crate) fn run<T>(self, work: impl FnOnce() -> T) -> T {
         match self.0 {
