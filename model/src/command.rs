@@ -233,18 +233,36 @@ impl<'a, M> WithCommands<'a, M> {
     }
 }
 
-impl<M: Metric> Metric for WithCommands<'_, M> {
-    fn squared_distance(&self, a: &[u16], b: &[u16]) -> u64 {
-        let n_readings = a.len() - N_COMMAND_COLUMNS;
-        let ((a, a_command), (b, b_command)) = (a.split_at(n_readings), b.split_at(n_readings));
-        let weighted = a_command.iter().zip(b_command).zip(self.weights).map(|((&a, &b), weight)| {
+impl<M> WithCommands<'_, M> {
+    /// Counts² between two commands.
+    fn between_commands(&self, a: &[u16], b: &[u16]) -> u64 {
+        let weighted = a.iter().zip(b).zip(self.weights).map(|((&a, &b), weight)| {
             let difference = u128::from(a.abs_diff(b));
             u128::from(weight) * difference * difference
         });
         let rounded = (weighted.sum::<u128>() + (1 << (WEIGHT_BITS - 1))) >> WEIGHT_BITS;
         // Below 2⁶², see [`WEIGHT_MAX`].
-        self.readings.squared_distance(a, b) + rounded as u64
+        rounded as u64
     }
+}
+
+impl<M: Metric> Metric for WithCommands<'_, M> {
+    fn squared_distance(&self, a: &[u16], b: &[u16]) -> u64 {
+        let [squared] = self.squared_distances(a, [b]);
+        squared
+    }
+
+    fn squared_distances<const R: usize>(&self, from: &[u16], to: [&[u16]; R]) -> [u64; R] {
+        let n_readings = from.len() - N_COMMAND_COLUMNS;
+        let mut squared =
+            self.readings.squared_distances(&from[..n_readings], to.map(|to| &to[..n_readings]));
+        for (squared, to) in squared.iter_mut().zip(to) {
+            *squared += self.between_commands(&from[n_readings..], &to[n_readings..]);
+        }
+        squared
+    }
+
+    const IS_EUCLIDEAN_OR_MORE: bool = M::IS_EUCLIDEAN_OR_MORE;
 }
 
 #[cfg(test)]

@@ -287,7 +287,8 @@ impl File<'_> {
                 n_readings,
                 n_more,
                 self.array::<u16>("frames", Dtype::U16, &[n_frames, n_readings + n_more])?,
-            ),
+            )
+            .indexed(plan.sensor),
             references,
             landmarks,
             geodesics: geodesics.map(|lengths: Array<f32>| Geodesics::new(n_landmarks, lengths)),

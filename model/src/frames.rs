@@ -1,6 +1,9 @@
 //! The frames of one sensor on the response's scale, one row a frame.
 
+use std::sync::Arc;
+
 use crate::array::Array;
+use crate::blocks::Blocks;
 
 /// What one frame of a sensor looks like. Frames of another layout cannot be compared with these.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -48,6 +51,8 @@ pub struct Frames {
     n_readings: usize,
     n_columns: usize,
     counts: Array<u16>,
+    /// None where nothing is looked for among them, or so far.
+    blocks: Option<Arc<Blocks>>,
 }
 
 impl Frames {
@@ -70,7 +75,26 @@ impl Frames {
             "rows of {n_columns} in {}",
             counts.len()
         );
-        Self { n_readings, n_columns, counts }
+        Self { n_readings, n_columns, counts, blocks: None }
+    }
+
+    /// The same frames, ready to be searched: whoever looks for the nearest of them finds the same, sooner.
+    ///
+    /// Reads every frame once.
+    ///
+    /// # Panics
+    /// If the sensor has another number of readings: a bug of the caller.
+    pub fn indexed(mut self, sensor: SensorLayout) -> Self {
+        assert_eq!(sensor.n_readings(), self.n_readings, "these are frames of another sensor");
+        if self.blocks.is_none() {
+            self.blocks = Some(Arc::new(Blocks::new(sensor, self.n_frames(), |index| self.readings(index))));
+        }
+        self
+    }
+
+    /// By which to search them, once they are [`indexed`](Self::indexed).
+    pub(crate) fn blocks(&self) -> Option<&Blocks> {
+        self.blocks.as_deref()
     }
 
     /// N.

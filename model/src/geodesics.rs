@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::array::Array;
 use crate::graph::Graph;
+use crate::simd::Instructions;
 
 /// Landmarks that are measured side by side before their lengths go where they belong: a cache line of every frame's row.
 const N_LANDMARKS_AT_A_TIME: usize = 16;
@@ -86,15 +87,27 @@ impl Geodesics {
     pub fn through(&self, nearest: impl IntoIterator<Item = (u32, f32)>, lengths: &mut [f32]) {
         lengths.fill(f32::INFINITY);
         for (frame_index, distance) in nearest {
-            for (length, geodesic) in lengths.iter_mut().zip(self.row(frame_index as usize)) {
-                *length = length.min(distance + geodesic);
-            }
+            let row = self.row(frame_index as usize);
+            Instructions::widest().run(
+                #[inline(always)]
+                || shorten(lengths, distance, row),
+            );
         }
     }
 
     /// All lengths, row after row.
     pub fn lengths(&self) -> &[f32] {
         &self.lengths
+    }
+}
+
+/// Takes each length through a frame at a distance, where that is shorter.
+#[inline(always)]
+fn shorten(lengths: &mut [f32], distance: f32, geodesics: &[f32]) {
+    for (length, geodesic) in lengths.iter_mut().zip(geodesics) {
+        let through = distance + geodesic;
+        // Not `f32::min`, which asks of either whether it is a number.
+        *length = if through < *length { through } else { *length };
     }
 }
 
@@ -129,6 +142,22 @@ mod tests {
     use crate::graph::Edge;
 
     proptest! {
+        #[test]
+        fn every_set_of_instructions_shortens_to_the_same_bits(
+            lengths in prop::collection::vec((0.0..1e6_f32, prop_oneof![0.0..1e6_f32, Just(f32::INFINITY)]), 0..100),
+            distance in 0.0..1e6_f32,
+        ) {
+            let (lengths, geodesics): (Vec<f32>, Vec<f32>) = lengths.into_iter().unzip();
+            let least = |(length, geodesic): (&f32, &f32)| length.min(distance + geodesic).to_bits();
+            let expected: Vec<u32> = lengths.iter().zip(&geodesics).map(least).collect();
+            for instructions in Instructions::all() {
+                let mut shortened = lengths.clone();
+                instructions.run(|| shorten(&mut shortened, distance, &geodesics));
+                let found: Vec<u32> = shortened.iter().map(|length| length.to_bits()).collect();
+                prop_assert_eq!(&found, &expected, "{:?}", instructions);
+            }
+        }
+
         #[test]
         fn geodesics_equal_relaxing_every_edge_until_nothing_changes(
             raw in prop::collection::vec((0..12_u32, 0..12_u32, 0.0..100.0_f32), 0..60),

@@ -60,9 +60,9 @@ impl Learnt {
                 let mut done = |n_done| progress(Step::References, n_done, plan.n_frames_max);
                 let references = ReferenceSet::choose(&trained, metric, plan.n_frames_max, &mut done);
                 Self {
-                    frames: references.of(&trained),
+                    frames: references.of(&trained).indexed(plan.sensor),
                     covering_radius: references.covering_radius(&trained, metric),
-                    intrinsic_dims: (!references.is_all()).then(|| sampled_dims(&trained, metric, plan.seed)),
+                    intrinsic_dims: (!references.is_all()).then(|| sampled_dims(&trained, metric, plan)),
                     references,
                     trained: Some(trained),
                 }
@@ -139,8 +139,13 @@ impl Learnt {
 
 /// Dimensions that trained frames fill, by some of them at random. Frames that were chosen to be far from each other are no
 /// measure: their neighbours are all as far as the next, as in a space of many dimensions.
-fn sampled_dims(trained: &Frames, metric: &impl Metric, seed: u64) -> IntrinsicDims {
-    let sample = landmarks::choose(trained, metric, N_FRAMES_SAMPLED, LandmarkChoice::Random, seed);
+fn sampled_dims(trained: &Frames, metric: &impl Metric, plan: &FitPlan) -> IntrinsicDims {
+    let sample = landmarks::choose(trained, metric, N_FRAMES_SAMPLED, LandmarkChoice::Random, plan.seed);
     let n_listed = N_NEIGHBORS_USED.min(sample.len() - 1);
-    IntrinsicDims::estimate(&nearest_of_each(&trained.select(&sample), metric, n_listed, &mut |_| ()))
+    IntrinsicDims::estimate(&nearest_of_each(
+        &trained.select(&sample).indexed(plan.sensor),
+        metric,
+        n_listed,
+        &mut |_| (),
+    ))
 }

@@ -34,10 +34,10 @@
 //! | J, α, μ, Σ | `n_kinds`, `weights`, `means`, `covariances` | | Gaussian mixture; one component is one kind |
 //!
 //! Lengths are in counts of the response's scale (see [`response`]) by the model's [`metric`], squared lengths in counts².
-#![forbid(unsafe_code)]
 
 pub mod array;
 pub mod autocorrelation;
+mod blocks;
 pub mod classify;
 pub mod command;
 mod eigen;
@@ -64,7 +64,12 @@ pub mod plan;
 mod reference;
 pub mod residual_variance;
 pub mod response;
+mod search;
+mod simd;
+mod squares;
 mod tally;
+#[cfg(test)]
+mod testing;
 
 pub use classify::{Classification, Classifier, Status};
 pub use command::{Command, CommandColumn, CommandScale, Commands};

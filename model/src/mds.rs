@@ -13,6 +13,7 @@ use faer::Mat;
 
 use crate::array::Array;
 use crate::eigen::{Eigen, N_WHOLE_MAX, largest, whole};
+use crate::simd::Instructions;
 
 /// An eigenvalue below this share of the largest is rounding, not a dimension.
 const EIGENVALUE_SHARE_MIN: f64 = 1e-12;
@@ -176,13 +177,36 @@ impl Embedding {
     /// Sums in the landmarks' order on every machine. Allocates nothing. O(n_landmarks · n_dims).
     pub fn embed(&self, squared_geodesics: &[f64], coordinates: &mut [f64]) {
         assert_eq!(squared_geodesics.len(), self.n_landmarks(), "one squared geodesic for each landmark");
-        coordinates.fill(0.0);
-        let rows = self.projection.chunks_exact(self.n_dims);
-        for ((row, mean), delta) in rows.zip(self.mean_squared_geodesics.iter()).zip(squared_geodesics) {
-            let difference = mean - delta;
-            for (coordinate, weight) in coordinates.iter_mut().zip(row) {
-                *coordinate += weight * difference;
+        self.embed_with(Instructions::widest(), squared_geodesics, coordinates);
+    }
+
+    fn embed_with(&self, instructions: Instructions, squared_geodesics: &[f64], coordinates: &mut [f64]) {
+        instructions.run(
+            #[inline(always)]
+            || match self.n_dims {
+                1 => self.embed_by::<1>(squared_geodesics, coordinates),
+                2..4 => self.embed_by::<2>(squared_geodesics, coordinates),
+                4..8 => self.embed_by::<4>(squared_geodesics, coordinates),
+                _ => self.embed_by::<8>(squared_geodesics, coordinates),
+            },
+        );
+    }
+
+    /// So many coordinates at once, whose sums stay in registers. Where these do not divide the dimensions, the last overlap
+    /// those before, and are summed again to the same.
+    #[inline(always)]
+    fn embed_by<const W: usize>(&self, squared_geodesics: &[f64], coordinates: &mut [f64]) {
+        for first in (0..self.n_dims).step_by(W).map(|first| first.min(self.n_dims - W)) {
+            let mut sums = [0.0; W];
+            let rows = self.projection.chunks_exact(self.n_dims);
+            for ((row, mean), delta) in rows.zip(self.mean_squared_geodesics.iter()).zip(squared_geodesics) {
+                let weights: &[f64; W] = row[first..first + W].try_into().expect("of this length");
+                let difference = mean - delta;
+                for dim in 0..W {
+                    sums[dim] += weights[dim] * difference;
+                }
             }
+            coordinates[first..first + W].copy_from_slice(&sums);
         }
     }
 }
@@ -237,6 +261,32 @@ mod tests {
             "the 5 landmarks span 2 dimensions and 3 were asked for: their frames are too much alike; ask for fewer \
              dimensions or record a trip that sees more"
         );
+    }
+
+    #[test]
+    fn every_set_of_instructions_embeds_to_the_bits_of_the_printed_sum() {
+        for n_dims in 1..=32 {
+            let n_landmarks = 40;
+            let number = |index: usize| (index as f64 * 0.7).sin() * 1e3;
+            let embedding = Embedding::from_parts(
+                n_dims,
+                (0..n_landmarks * n_dims).map(number).collect::<Vec<_>>().into(),
+                (0..n_landmarks).map(|landmark| number(landmark + 7)).collect::<Vec<_>>().into(),
+            )
+            .unwrap();
+            let delta: Vec<f64> = (0..n_landmarks).map(|landmark| number(3 * landmark)).collect();
+            for instructions in Instructions::all() {
+                let mut place = vec![f64::NAN; n_dims];
+                embedding.embed_with(instructions, &delta, &mut place);
+                for (dim, found) in place.iter().enumerate() {
+                    let rows = embedding.projection().chunks_exact(n_dims);
+                    let differences = embedding.mean_squared_geodesics().iter().zip(&delta);
+                    let terms = rows.zip(differences).map(|(row, (mean, delta))| row[dim] * (mean - delta));
+                    let expected = terms.fold(0.0, |sum, term| sum + term);
+                    assert_eq!(found.to_bits(), f64::to_bits(expected), "{instructions:?} {dim} of {n_dims}");
+                }
+            }
+        }
     }
 
     #[test]

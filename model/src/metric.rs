@@ -13,6 +13,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use crate::frames::SensorLayout;
+use crate::squares;
 
 /// How far apart two frames are.
 pub trait Metric: Sync {
@@ -20,7 +21,18 @@ pub trait Metric: Sync {
     ///
     /// Symmetric, and 0 from a frame to itself. Its root obeys the triangle inequality.
     fn squared_distance(&self, a: &[u16], b: &[u16]) -> u64;
+
+    /// Squared distances from one frame to several, side by side: sooner where these lie apart in memory.
+    fn squared_distances<const R: usize>(&self, from: &[u16], to: [&[u16]; R]) -> [u64; R] {
+        to.map(|to| self.squared_distance(from, to))
+    }
+
+    /// Whether no distance is less than the [`Euclidean`] one between readings, so that a lower bound of that is one of this.
+    const IS_EUCLIDEAN_OR_MORE: bool = false;
 }
+
+/// Frames that are worth being measured side by side.
+pub(crate) const N_SIDE_BY_SIDE: usize = 8;
 
 /// Which metric, as a plan and a model file say it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -151,9 +163,25 @@ pub struct Euclidean;
 
 impl Metric for Euclidean {
     fn squared_distance(&self, a: &[u16], b: &[u16]) -> u64 {
-        squared_differences(a, b).sum()
+        if a.len() < N_READINGS_FEW {
+            return squares::plain(a, b);
+        }
+        let [sum] = squares::sums(a, [b]);
+        sum
     }
+
+    fn squared_distances<const R: usize>(&self, from: &[u16], to: [&[u16]; R]) -> [u64; R] {
+        if from.len() < N_READINGS_FEW {
+            return to.map(|to| squares::plain(from, to));
+        }
+        squares::sums(from, to)
+    }
+
+    const IS_EUCLIDEAN_OR_MORE: bool = true;
 }
+
+/// Fewer readings than this are summed before vector instructions are under way.
+const N_READINGS_FEW: usize = 64;
 
 /// As [`Euclidean`], with a weight for each reading.
 ///
@@ -201,7 +229,7 @@ impl Weighted {
 impl Metric for Weighted {
     fn squared_distance(&self, a: &[u16], b: &[u16]) -> u64 {
         debug_assert_eq!(a.len(), self.weights.len());
-        let weighted = self.weights.iter().zip(squared_differences(a, b));
+        let weighted = self.weights.iter().zip(squares::each(a, b));
         let sum: u64 = weighted.map(|(&weight, squared)| u64::from(weight) * squared).sum();
         (sum + (1 << (WEIGHT_BITS - 1))) >> WEIGHT_BITS
     }
@@ -246,7 +274,7 @@ impl Ring {
             let (a_beginning, a_end) = a.split_at(b_beginning.len());
             for (a, b) in [(a_beginning, b_beginning), (a_end, b_end)] {
                 for (a, b) in a.chunks(N_READINGS_AT_ONCE).zip(b.chunks(N_READINGS_AT_ONCE)) {
-                    sum += Euclidean.squared_distance(a, b);
+                    sum += squares::plain(a, b);
                     if sum >= limit {
                         return limit;
                     }
@@ -262,15 +290,6 @@ impl Metric for Ring {
         debug_assert!(a.len() == b.len() && a.len().is_multiple_of(self.n_per_ring));
         (0..self.n_per_ring).fold(u64::MAX, |least, turn| self.turned(turn, a, b, least))
     }
-}
-
-fn squared_differences(a: &[u16], b: &[u16]) -> impl Iterator<Item = u64> {
-    debug_assert_eq!(a.len(), b.len());
-    a.iter().zip(b).map(|(&a, &b)| {
-        let difference = u32::from(a.abs_diff(b));
-        // 65535² is below 2³².
-        u64::from(difference * difference)
-    })
 }
 
 #[cfg(test)]

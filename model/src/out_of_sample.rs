@@ -5,7 +5,7 @@ use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::mds::Embedding;
 use crate::metric::Metric;
-use crate::neighbors::{Neighbor, nearest, squared_distances};
+use crate::search::Search;
 
 /// What a frame is placed by: parts of a model, or of one that is being fitted.
 #[derive(Clone, Copy)]
@@ -21,10 +21,8 @@ pub(crate) struct Manifold<'a> {
 
 /// Memory that placing a frame takes.
 pub(crate) struct Placer {
-    /// Its nearest reference frames: with geodesics, shape `(n_neighbors,)`; in native space, the nearest one.
-    nearest: Vec<Neighbor>,
-    /// To all reference frames, shape `(n_frames,)`, counts². Empty where straight distances are not embedded.
-    squared_distances: Vec<u64>,
+    /// For its nearest reference frames: with geodesics, ns; without, the nearest one.
+    search: Search,
     /// Shortest lengths to the landmarks, shape `(n_landmarks,)`, counts.
     lengths: Vec<f32>,
     /// δ, shape `(n_landmarks,)`, counts².
@@ -34,14 +32,9 @@ pub(crate) struct Placer {
 impl Placer {
     pub(crate) fn new(manifold: Manifold, n_neighbors: usize) -> Self {
         let n_landmarks = manifold.landmarks.len();
-        let (n_nearest, n_distances) = match (manifold.geodesics, manifold.embedding) {
-            (Some(_), _) => (n_neighbors, 0),
-            (None, Some(_)) => (0, manifold.frames.n_frames()),
-            (None, None) => (1, 0),
-        };
+        let n_nearest = if manifold.geodesics.is_some() { n_neighbors } else { 1 };
         Self {
-            nearest: vec![Neighbor { squared_distance: 0, frame_index: 0 }; n_nearest],
-            squared_distances: vec![0; n_distances],
+            search: Search::new(manifold.frames, n_nearest),
             lengths: vec![0.0; n_landmarks],
             squared_geodesics: vec![0.0; n_landmarks],
         }
@@ -74,27 +67,23 @@ impl Placer {
     /// Fills δ (squared shortest lengths to the landmarks, or squared distances; nothing in native space) and finds how far the
     /// nearest reference frame is.
     fn measure(&mut self, metric: &impl Metric, manifold: Manifold, mapped: &[u16]) -> u64 {
+        let Self { search, lengths, squared_geodesics } = self;
+        let frames = manifold.frames;
+        let nearest = search.nearest(frames, metric, mapped);
         match (manifold.geodesics, manifold.embedding) {
             (Some(geodesics), _) => {
-                nearest(manifold.frames, metric, mapped, &mut self.nearest);
-                let nearest = self.nearest.iter().map(|near| (near.frame_index, near.distance()));
-                geodesics.through(nearest, &mut self.lengths);
-                for (squared, &length) in self.squared_geodesics.iter_mut().zip(&self.lengths) {
+                geodesics.through(nearest.iter().map(|near| (near.frame_index, near.distance())), lengths);
+                for (squared, &length) in squared_geodesics.iter_mut().zip(&*lengths) {
                     *squared = f64::from(length) * f64::from(length);
                 }
-                self.nearest[0].squared_distance
             }
             (None, Some(_)) => {
-                squared_distances(manifold.frames, metric, mapped, &mut self.squared_distances);
-                for (squared, &landmark) in self.squared_geodesics.iter_mut().zip(manifold.landmarks) {
-                    *squared = self.squared_distances[landmark as usize] as f64;
+                for (squared, &landmark) in squared_geodesics.iter_mut().zip(manifold.landmarks) {
+                    *squared = metric.squared_distance(mapped, frames.row(landmark as usize)) as f64;
                 }
-                self.squared_distances.iter().copied().min().unwrap_or(u64::MAX)
             }
-            (None, None) => {
-                nearest(manifold.frames, metric, mapped, &mut self.nearest);
-                self.nearest[0].squared_distance
-            }
+            (None, None) => {}
         }
+        nearest[0].squared_distance
     }
 }

@@ -132,19 +132,18 @@ impl Response {
         &self.table
     }
 
-    /// Maps a frame in one pass and returns the number of invalid readings in it.
+    /// Maps a frame and returns the number of invalid readings in it.
     ///
     /// * `raw` — raw counts, shape `(n_readings,)`
     /// * `mapped` — overwritten; same shape
     pub fn map(&self, raw: &[u16], mapped: &mut [u16]) -> usize {
         assert_eq!(raw.len(), mapped.len(), "a frame and its place must have the same number of readings");
-        let table = self.table();
-        let mut n_invalid = 0;
+        // Of a length that is known here, every raw count is within it: nothing is left to be checked for each reading.
+        let table: &[u16; TABLE_LEN] = self.table().try_into().expect("checked when it was made");
         for (&raw, mapped) in raw.iter().zip(mapped) {
-            n_invalid += usize::from(raw == INVALID);
             *mapped = table[usize::from(raw)];
         }
-        n_invalid
+        raw.iter().filter(|&&raw| raw == INVALID).count()
     }
 
     /// Maps counts of any number of frames where they stand.
