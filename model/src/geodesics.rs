@@ -1,16 +1,13 @@
 //! Geodesics: lengths of shortest paths in the neighbour graph, from every frame to every landmark.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+mod sweeps;
 
 use rayon::prelude::*;
 
+use self::sweeps::{Lanes, N_LANES, Sweeps};
 use crate::array::Array;
 use crate::graph::Graph;
 use crate::simd::Instructions;
-
-/// Landmarks that are measured side by side before their lengths go where they belong: a cache line of every frame's row.
-const N_LANDMARKS_AT_A_TIME: usize = 16;
 
 /// G, shape `(n_frames, n_landmarks)`, counts. The row of a frame stands together: that is how a new frame reads it.
 #[derive(Clone, Debug)]
@@ -34,30 +31,38 @@ impl Geodesics {
         Self { n_landmarks, lengths }
     }
 
-    /// Measures a connected graph from the given landmarks by Dijkstra's algorithm, in `f32`.
+    /// Measures a graph from the given landmarks, in `f32`.
     ///
-    /// Path lengths are sums of `f32` rounded edge by edge. Since such addition is monotone, the result is the one
-    /// fixpoint of `G[v] = min over neighbours u of (G[u] + length)`: any other algorithm must reach the same bits.
+    /// Path lengths are sums of `f32` rounded edge by edge, from the landmark on. Since such addition is monotone, the result
+    /// is the one fixpoint of `G[v] = min over neighbours u of (G[u] + length)`: Dijkstra's algorithm reaches the same bits.
     ///
     /// * `done` — told the number of landmarks finished, now and then
     ///
-    /// Lengths to frames on other islands are infinite. O(n_landmarks · n_edges · log n_frames), landmarks side by side on
-    /// the threads of whoever calls.
+    /// Lengths to frames on other islands are infinite. O(n_landmarks · n_edges) a few times over, on the threads of
+    /// whoever calls; holds `n_frames` lengths to each of some landmarks for every thread beside the result.
     pub fn measure(graph: &Graph, landmarks: &[u32], done: &mut dyn FnMut(usize)) -> Self {
         let (n_frames, n_landmarks) = (graph.n_frames(), landmarks.len());
         let mut lengths = vec![f32::INFINITY; n_frames * n_landmarks];
-        for (batch, sources) in landmarks.chunks(N_LANDMARKS_AT_A_TIME).enumerate() {
-            let lanes: Vec<Vec<f32>> = sources
-                .par_iter()
-                .map_init(BinaryHeap::new, |queue, &from| paths(graph, from, queue))
+        let sweeps = Sweeps::new(graph);
+        let place = |lane: &usize| sweeps.places[landmarks[*lane] as usize];
+        let mut lanes: Vec<usize> = (0..n_landmarks).collect();
+        lanes.sort_by_key(place);
+        let mut n_done = 0;
+        for batches in lanes.chunks(N_LANES * rayon::current_num_threads()) {
+            let measured: Vec<Vec<Lanes>> = batches
+                .par_chunks(N_LANES)
+                .map(|batch| sweeps.measure(&batch.iter().map(place).collect::<Vec<_>>()))
                 .collect();
-            let first = batch * N_LANDMARKS_AT_A_TIME;
-            for (frame_index, row) in lengths.chunks_exact_mut(n_landmarks).enumerate() {
-                for (length, lane) in row[first..].iter_mut().zip(&lanes) {
-                    *length = lane[frame_index];
+            lengths.par_chunks_exact_mut(n_landmarks).zip(&sweeps.places).for_each(|(row, &place)| {
+                for (batch, measured) in batches.chunks(N_LANES).zip(&measured) {
+                    batch
+                        .iter()
+                        .zip(&measured[place as usize])
+                        .for_each(|(&lane, &length)| row[lane] = length);
                 }
-            }
-            done(first + sources.len());
+            });
+            n_done += batches.len();
+            done(n_done);
         }
         Self::new(n_landmarks, lengths)
     }
@@ -111,35 +116,48 @@ fn shorten(lengths: &mut [f32], distance: f32, geodesics: &[f32]) {
     }
 }
 
-/// Shortest lengths from one vertex to all, by Dijkstra's algorithm. The queue is empty before and after; it is passed in to
-/// keep its memory.
-fn paths(graph: &Graph, source: u32, queue: &mut BinaryHeap<Reverse<(u32, u32)>>) -> Vec<f32> {
-    // Lengths are never negative, so their bits order as they do.
-    let mut lengths = vec![f32::INFINITY; graph.n_frames()];
-    lengths[source as usize] = 0.0;
-    queue.push(Reverse((0.0_f32.to_bits(), source)));
-    while let Some(Reverse((bits, vertex))) = queue.pop() {
-        let length = f32::from_bits(bits);
-        if length > lengths[vertex as usize] {
-            continue;
-        }
-        for &(to, edge) in graph.neighbors(vertex) {
-            let through = length + edge;
-            if through < lengths[to as usize] {
-                lengths[to as usize] = through;
-                queue.push(Reverse((through.to_bits(), to)));
-            }
-        }
-    }
-    lengths
-}
-
 #[cfg(test)]
 mod tests {
+    use std::cmp::Reverse;
+    use std::collections::BinaryHeap;
+
     use proptest::prelude::*;
 
     use super::*;
     use crate::graph::Edge;
+
+    /// Shortest lengths from one vertex to all, by Dijkstra's algorithm.
+    fn paths(graph: &Graph, source: u32) -> Vec<f32> {
+        // Lengths are never negative, so their bits order as they do.
+        let mut lengths = vec![f32::INFINITY; graph.n_frames()];
+        let mut queue = BinaryHeap::new();
+        lengths[source as usize] = 0.0;
+        queue.push(Reverse((0.0_f32.to_bits(), source)));
+        while let Some(Reverse((bits, vertex))) = queue.pop() {
+            let length = f32::from_bits(bits);
+            if length > lengths[vertex as usize] {
+                continue;
+            }
+            for &(to, edge) in graph.neighbors(vertex) {
+                let through = length + edge;
+                if through < lengths[to as usize] {
+                    lengths[to as usize] = through;
+                    queue.push(Reverse((through.to_bits(), to)));
+                }
+            }
+        }
+        lengths
+    }
+
+    fn check(graph: &Graph, landmarks: &[u32]) -> Result<(), TestCaseError> {
+        let measured = Geodesics::measure(graph, landmarks, &mut |_| ());
+        for (lane, &landmark) in landmarks.iter().enumerate() {
+            for (vertex, expected) in paths(graph, landmark).iter().enumerate() {
+                prop_assert_eq!(measured.row(vertex)[lane].to_bits(), expected.to_bits());
+            }
+        }
+        Ok(())
+    }
 
     proptest! {
         #[test]
@@ -156,6 +174,29 @@ mod tests {
                 let found: Vec<u32> = shortened.iter().map(|length| length.to_bits()).collect();
                 prop_assert_eq!(&found, &expected, "{:?}", instructions);
             }
+        }
+
+        #[test]
+        fn geodesics_are_those_of_dijkstra_bit_for_bit_on_islands_and_over_edges_of_no_length(
+            n_frames in 1..200_usize,
+            raw in prop::collection::vec((0..200_u32, 0..200_u32, prop_oneof![Just(0.0), 0.0..100.0_f32]), 0..600),
+            landmarks in prop::collection::vec(0..200_u32, 1..150),
+        ) {
+            let n = n_frames as u32;
+            let edges = raw.into_iter().map(|(a, b, length)| Edge { a: a % n, b: b % n, length });
+            // More than one batch, and the same landmark more than once.
+            let landmarks: Vec<u32> = landmarks.into_iter().map(|landmark| landmark % n).collect();
+            check(&Graph::new(n_frames, edges), &landmarks)?;
+        }
+
+        #[test]
+        fn geodesics_along_a_long_thread_are_those_of_dijkstra(
+            lengths in prop::collection::vec(0.0..1e7_f32, 300),
+            order in Just((0..301).collect::<Vec<u32>>()).prop_shuffle(),
+        ) {
+            let edge = |(pair, &length): (&[u32], &f32)| Edge { a: pair[0], b: pair[1], length };
+            let graph = Graph::new(301, order.windows(2).zip(&lengths).map(edge));
+            check(&graph, &[0, 150, 300])?;
         }
 
         #[test]

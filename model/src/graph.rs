@@ -81,24 +81,60 @@ impl Graph {
         let mut seen = vec![false; self.n_frames()];
         let mut islands = Vec::new();
         for start in 0..self.n_frames() as u32 {
-            if std::mem::replace(&mut seen[start as usize], true) {
+            let mut island = Vec::new();
+            self.reach(start, &mut seen, &mut island);
+            if island.is_empty() {
                 continue;
-            }
-            let mut island = vec![start];
-            let mut next = 0;
-            while let Some(&vertex) = island.get(next) {
-                next += 1;
-                for &(to, _) in self.neighbors(vertex) {
-                    if !std::mem::replace(&mut seen[to as usize], true) {
-                        island.push(to);
-                    }
-                }
             }
             island.sort_unstable();
             islands.push(island);
         }
         islands.sort_by_key(|island| std::cmp::Reverse(island.len()));
         islands
+    }
+
+    /// All frames, those of the given one's island first and island after island, each after the one that led to it and before
+    /// those that are more edges away.
+    pub(crate) fn breadth_first(&self, from: u32) -> Vec<u32> {
+        let mut seen = vec![false; self.n_frames()];
+        let mut order = Vec::with_capacity(self.n_frames());
+        for start in std::iter::once(from).chain(0..self.n_frames() as u32) {
+            self.reach(start, &mut seen, &mut order);
+        }
+        order
+    }
+
+    /// Appends a frame and what it is connected with, breadth first, as far as not seen before.
+    fn reach(&self, start: u32, seen: &mut [bool], order: &mut Vec<u32>) {
+        let mut next = order.len();
+        if !std::mem::replace(&mut seen[start as usize], true) {
+            order.push(start);
+        }
+        while let Some(&vertex) = order.get(next) {
+            next += 1;
+            for &(to, _) in self.neighbors(vertex) {
+                if !std::mem::replace(&mut seen[to as usize], true) {
+                    order.push(to);
+                }
+            }
+        }
+    }
+
+    /// The same graph with other numbers for its frames.
+    ///
+    /// * `order` — which frame gets number 0, 1, …
+    /// * `places` — which number each frame gets
+    pub(crate) fn renumbered(&self, order: &[u32], places: &[u32]) -> Self {
+        let mut offsets = Vec::with_capacity(self.offsets.len());
+        let mut links: Vec<(u32, f32)> = Vec::with_capacity(self.links.len());
+        offsets.push(0);
+        for &vertex in order {
+            let first = links.len();
+            links.extend(self.neighbors(vertex).iter().map(|&(to, length)| (places[to as usize], length)));
+            links[first..].sort_unstable_by_key(|&(to, _)| to);
+            offsets.push(links.len() as u32);
+        }
+        Self { offsets, links }
     }
 
     /// Joins the islands by the C − 1 bridges of least total length, and returns these, shortest first.
