@@ -135,6 +135,9 @@ impl ReportReader {
     }
 
     /// The oldest report that waits, if any: a copy, so that a reader holds no slot.
+    ///
+    /// May be called again and again instead of [waiting](Self::wait), which costs one core and spares the wake-up. Then wait
+    /// for a time of zero now and then, every 50 ms say: events that nobody takes would fill their queue.
     pub fn receive(&self) -> Result<Option<KindReport>, ChannelError> {
         let slot = self.subscriber.receive().map_err(|error| match error {
             ReceiveError::ExceedsMaxBorrows => {

@@ -18,6 +18,8 @@ const _: () = assert!(N_KINDS_MAX <= MAX_KINDS && N_DIMS_MAX <= MAX_DIMS);
 
 /// Longest time between two looks at the stop flag and at late joiners.
 const TICK: Duration = Duration::from_millis(50);
+/// Polls between two looks at the clock, so that a poll does not pay for what is done once a tick.
+const POLLS_PER_LOOK: u32 = 256;
 /// How often what killed programs left is looked for.
 const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
 
@@ -25,6 +27,16 @@ const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
 /// somebody does; of a driver shim that does not know commands its integrator should hear.
 const UNCOMMANDED: &str = "frames have no command, and the model compares commands beside readings; until one comes the \
                            robot is taken to stand still";
+
+/// How a service waits for frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Waiting {
+    /// Asleep until the driver shim wakes it.
+    #[default]
+    ByEvent,
+    /// Awake, looking for a frame again and again: spares the wake-up and costs one processor core, all the time.
+    Polling,
+}
 
 /// Serves one sensor with one model.
 #[derive(Debug)]
@@ -35,6 +47,7 @@ pub struct Service<C> {
     reports: ReportPublisher,
     classifier: C,
     layout: SensorLayout,
+    waiting: Waiting,
     sequence: Sequence,
     refusals: Refusals,
     /// Filled anew for every frame.
@@ -82,6 +95,7 @@ impl<C: Classify> Service<C> {
             reports,
             layout: classifier.layout(),
             classifier,
+            waiting: Waiting::default(),
             sequence: Sequence::new(shim_is_there),
             refusals: Refusals::default(),
             report,
@@ -91,14 +105,21 @@ impl<C: Classify> Service<C> {
         })
     }
 
+    /// The same service, which waits for frames in another way than by event.
+    pub fn with_waiting(self, waiting: Waiting) -> Self {
+        Self { waiting, ..self }
+    }
+
     /// Serves until `stop` is set, then serves the frames that wait already, and ends.
     ///
-    /// Sees the flag after 50 ms at most, or at once when a signal sets it. Returns what was done since the start.
+    /// Sees the flag after 50 ms at most, or at once when a signal sets it or when it polls. Returns what was done since the start.
     pub fn run(&mut self, stop: &AtomicBool) -> Result<Summary, ChannelError> {
         if !self.shim_is_there {
             tracing::info!(sensor = %self.sensor, "waiting for a driver shim to publish this sensor");
         }
         let mut last_clean_up = Instant::now();
+        let mut last_tick = last_clean_up;
+        let mut n_polls = 0_u32;
         loop {
             // Read before serving: frames that were sent before the flag was set are served.
             let stopping = stop.load(Ordering::Relaxed);
@@ -106,14 +127,25 @@ impl<C: Classify> Service<C> {
             if stopping {
                 return Ok(self.summary);
             }
+            if self.waiting == Waiting::Polling {
+                n_polls = n_polls.wrapping_add(1);
+                if !n_polls.is_multiple_of(POLLS_PER_LOOK) || last_tick.elapsed() < TICK {
+                    std::hint::spin_loop();
+                    continue;
+                }
+                last_tick = Instant::now();
+            }
             if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
                 self.node.clean_up_dead_nodes();
                 last_clean_up = Instant::now();
             }
             self.reports.update()?;
             self.look_for_shim();
-            if n_served < FRAME_BUFFER {
-                self.frames.wait(TICK)?;
+            match self.waiting {
+                Waiting::ByEvent if n_served < FRAME_BUFFER => self.frames.wait(TICK).map(drop)?,
+                Waiting::ByEvent => {}
+                // The driver shim wakes its readers all the same: what nobody takes would fill the event's queue.
+                Waiting::Polling => self.frames.wait(Duration::ZERO).map(drop)?,
             }
         }
     }

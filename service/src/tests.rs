@@ -13,7 +13,7 @@ use kinds_messages::{
 };
 use kinds_model::{Classification, Command, ModelId, SensorLayout, Status};
 
-use crate::{Classify, Service, Summary};
+use crate::{Classify, Service, Summary, Waiting};
 
 const LAYOUT: SensorLayout = SensorLayout { rows: 2, columns: 4, metres_per_count: 0.001 };
 const N_READINGS: usize = 8;
@@ -278,12 +278,22 @@ fn second_service_for_a_sensor_is_refused_and_the_first_goes_on() {
 
 #[test]
 fn service_is_woken_by_frames_outlives_its_shim_and_serves_what_waits_when_stopped() {
+    check_that_two_runs_are_served(Waiting::ByEvent);
+}
+
+#[test]
+fn service_that_polls_outlives_its_shim_and_serves_what_waits_when_stopped() {
+    check_that_two_runs_are_served(Waiting::Polling);
+}
+
+fn check_that_two_runs_are_served(waiting: Waiting) {
     let domain = OwnDomain::make().unwrap();
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
         let serving = scope.spawn(|| {
             let node = Node::open(&domain, "service").unwrap();
-            Service::start(&node, &ring(), Spy::new().0).unwrap().run(&stop).unwrap()
+            let service = Service::start(&node, &ring(), Spy::new().0).unwrap();
+            service.with_waiting(waiting).run(&stop).unwrap()
         });
         let node = Node::open(&domain, "test").unwrap();
         let reports = ReportReader::open(&node, &ring()).unwrap();

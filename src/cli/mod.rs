@@ -158,6 +158,10 @@ pub(crate) struct ServeArguments {
     /// Sensor to serve, such as crunch/ring
     #[arg(long, value_name = "NAME")]
     pub(crate) sensor: SensorName,
+    /// Look for frames all the time instead of sleeping until one comes: reports come sooner, and one processor core is
+    /// never free
+    #[arg(long)]
+    pub(crate) busy_poll: bool,
     #[command(flatten)]
     pub(crate) domain: OwnableDomainArguments,
 }

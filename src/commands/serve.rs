@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use kinds_messages::Node;
 use kinds_model::Classifier;
-use kinds_service::Service;
+use kinds_service::{Service, Waiting};
 
 use crate::cli::ServeArguments;
 use crate::failure::Failure;
@@ -17,7 +17,9 @@ pub(crate) fn run(arguments: &ServeArguments) -> Result<(), Failure> {
     let domain = arguments.domain.join(&stop);
     let node = Node::open(&domain, "kinds-serve")?;
     let sensor = &arguments.sensor;
-    let mut service = Service::start(&node, sensor, Classifier::new(Arc::clone(&model)))?;
+    let waiting = if arguments.busy_poll { Waiting::Polling } else { Waiting::ByEvent };
+    let service = Service::start(&node, sensor, Classifier::new(Arc::clone(&model)))?;
+    let mut service = service.with_waiting(waiting);
     mention(format!(
         "serving {sensor}: {} kinds of {}, model {}",
         model.mixture().n_kinds(),
