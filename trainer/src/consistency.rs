@@ -154,8 +154,9 @@ impl Revisits {
     ///
     /// `None` if no place was revisited.
     pub fn consistency(&self, first: &[usize], second: &[usize], share: f64) -> Option<Consistency> {
-        let all = [0..self.n_first];
-        self.counts(first, second, share, N_SHIFTS_MAX, &all)[0].consistency(self.n_shifts())
+        let all = 0..self.n_first;
+        self.counts(first, second, share, N_SHIFTS_MAX, std::slice::from_ref(&all))[0]
+            .consistency(self.n_shifts())
     }
 
     /// Counts how often the frames of each block of the first trip are consistent, in truth and by chance.
@@ -455,7 +456,8 @@ mod tests {
             let counts = |blocks: &[Range<usize>]| revisits.counts(&first.1, &second.1, 0.5, 20, blocks);
             let mut sum = Counts::default();
             counts(&[0..cut, cut..n_first]).into_iter().for_each(|counts| sum += counts);
-            prop_assert_eq!(vec![sum], counts(&[0..n_first]));
+            let whole = 0..n_first;
+            prop_assert_eq!(vec![sum], counts(std::slice::from_ref(&whole)));
         }
     }
 }

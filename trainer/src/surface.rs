@@ -183,8 +183,8 @@ mod tests {
                 for (radius, radius_m) in grid.radii_m.iter().enumerate() {
                     let revisits = Revisits::find(&first.0, &second.0, &SamePlace::within(*radius_m));
                     for (point, share) in grid.shares.iter().enumerate() {
-                        let all = [0..n_first];
-                        let alone = revisits.counts(kinds[0], kinds[1], *share, N_SHIFTS_MAX, &all)[0];
+                        let all = 0..n_first;
+                        let alone = revisits.counts(kinds[0], kinds[1], *share, N_SHIFTS_MAX, std::slice::from_ref(&all))[0];
                         let alone = alone.consistency(Shifts::of(second.1.len(), N_SHIFTS_MAX).n());
                         prop_assert_eq!(surface.consistency[radius][point], alone.map(|alone| alone.consistency));
                         prop_assert_eq!(surface.chance[radius][point], alone.map(|alone| alone.chance));

@@ -8,18 +8,21 @@ use crate::registration::{Jittered, RegistrationScores};
 const WIDTH_PX: f64 = 282.0;
 const HEIGHT_PX: f64 = 170.0;
 
+/// A way in which poses are off.
+type Way = fn(&RegistrationScores) -> Option<Jittered>;
+
 /// κ by the size of errors that were added to the second trip's poses.
 ///
 /// * `name`, `title` — of the figure; its files have the name
 /// * `kappa` — without any
 pub fn registration_errors(name: &str, title: &str, kappa: f64, scores: &[RegistrationScores]) -> Figure {
-    let ways: [(&str, fn(&RegistrationScores) -> Option<Jittered>); 2] =
+    let ways: [(&str, Way); 2] =
         [("each pose by itself", |scores| scores.each_pose), ("the whole trip", |scores| scores.whole_trip)];
     let found = || ways.iter().flat_map(|(_, way)| scores.iter().filter_map(way));
     let lowest = found().map(|jittered| jittered.kappa_range[0]).fold(kappa.min(0.0), f64::min);
     let sigma_m_max = scores.iter().map(|scores| scores.sigma_m).fold(0.0, f64::max);
     let mut csv = Csv::new(&["errors", "sigma_m", "consistency", "kappa", "kappa_low", "kappa_high"]);
-    let mut panel = |(name, way): &(&str, fn(&RegistrationScores) -> Option<Jittered>)| {
+    let mut panel = |(name, way): &(&str, Way)| {
         let mut chart = Chart::new(
             (WIDTH_PX, HEIGHT_PX + MARGINS_PX.1),
             name,
