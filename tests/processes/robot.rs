@@ -158,7 +158,12 @@ impl Robot {
 
     /// Starts a service of the model and waits until it serves.
     pub(crate) fn serve(&self) -> Running {
-        let service = self.start(&["serve", "--model", MODEL, "--sensor", SENSOR]);
+        self.serve_with(&[])
+    }
+
+    /// The same with more flags.
+    pub(crate) fn serve_with(&self, flags: &[&str]) -> Running {
+        let service = self.start(&[&["serve", "--model", MODEL, "--sensor", SENSOR], flags].concat());
         service.await_out(&format!("serving {SENSOR}: "));
         service
     }

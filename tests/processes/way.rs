@@ -7,12 +7,17 @@ use crate::world::{Trip, assert_reports_equal_classifying_here};
 
 /// Trains on the first trip, and publishes a second one to a consumer that was there before.
 fn check(train: &[&str], n_frames: usize, speed: &str) {
+    check_served(train, &[], n_frames, speed);
+}
+
+/// The same with flags of the service.
+fn check_served(train: &[&str], serve: &[&str], n_frames: usize, speed: &str) {
     let robot = Robot::new();
     Trip::FIRST.write(&robot.path(FIRST));
     Trip { n_frames, ..Trip::SECOND }.write(&robot.path(SECOND));
     robot.succeed(&[&["train", FIRST, "--output", MODEL], train].concat());
     let consumer = robot.join();
-    let service = robot.serve();
+    let service = robot.serve_with(serve);
     let mut shim = robot.publish(SECOND, speed);
     let reports = consumer.await_end_of(&mut shim);
     assert_reports_equal_classifying_here(&reports, &robot.path(MODEL), &robot.path(SECOND));
@@ -34,6 +39,11 @@ fn as_fast_as_followed_every_frame_gets_one_report_equal_to_classifying_it_here(
 fn at_a_multiple_of_the_pace_every_frame_gets_one_report_equal_to_classifying_it_here() {
     // Paced replay waits for nobody: slow enough for a service that has to share its processor with other tests.
     check(&[], 60, "5");
+}
+
+#[test]
+fn a_service_that_polls_reports_the_same_and_stops_as_well() {
+    check_served(&[], &["--busy-poll"], 130, "max");
 }
 
 #[test]
