@@ -121,7 +121,7 @@ fn write_policy(path: &Path, model: &Model, policy: &Policy) -> Result<(), Failu
 /// What was found, for a person.
 fn tell(evaluation: &Evaluation) -> Result<(), Failure> {
     for (index, pair) in evaluation.pairs.iter().enumerate() {
-        if evaluation.pairs.len() > 1 {
+        if evaluation.trips.len() > 2 {
             let blank = if index == 0 { "" } else { "\n" };
             say(format!("{blank}{} revisited by {}", pair.trips[0], pair.trips[1]))?;
         }

@@ -131,7 +131,8 @@ fn printed(stdout: &str) -> Vec<Vec<Vec<f64>>> {
     while lines.any(|line| line.starts_with("method") && line.contains("kappa")) {
         let rows = ["Isomap ", "PCA ", "random "].map(|name| {
             let row = lines.next().unwrap().strip_prefix(name).unwrap();
-            row.split_whitespace().filter(|word| *word != "%").map(|word| word.parse().unwrap()).collect()
+            let words = row.split_whitespace().filter(|word| !["%", "…"].contains(word));
+            words.map(|word| word.parse().unwrap()).collect()
         });
         tables.push(rows.to_vec());
     }
@@ -141,19 +142,21 @@ fn printed(stdout: &str) -> Vec<Vec<Vec<f64>>> {
 /// The same of an evaluation, as far as the table shows it.
 fn rounded(evaluation: &Value) -> Vec<Vec<f64>> {
     let row = |scores: &Value| {
-        let round = |field: &str, factor: f64, n_digits: usize| {
-            let shown = format!("{:.n_digits$}", factor * scores[field].as_f64().unwrap());
-            shown.parse::<f64>().unwrap()
+        let rounded = |value: &Value, factor: f64, n_digits: usize| {
+            format!("{:.n_digits$}", factor * value.as_f64().unwrap()).parse::<f64>().unwrap()
         };
-        vec![
+        let round = |field: &str, factor, n_digits| rounded(&scores[field], factor, n_digits);
+        let interval = scores["confidence"]["kappa"].as_array();
+        let interval = interval.into_iter().flatten().map(|end| rounded(end, 1.0, 2));
+        let before = [
             round("n_dims", 1.0, 0),
             round("n_kinds", 1.0, 0),
             round("consistency", 100.0, 1),
             round("chance", 100.0, 1),
             round("kappa", 1.0, 2),
-            round("ami", 1.0, 2),
-            round("largest_kind_share", 100.0, 1),
-        ]
+        ];
+        let after = [round("ami", 1.0, 2), round("largest_kind_share", 100.0, 1)];
+        before.into_iter().chain(interval).chain(after).collect()
     };
     ["isomap", "pca", "random"].map(|method| row(&evaluation["methods"][method])).to_vec()
 }
