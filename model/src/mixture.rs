@@ -154,6 +154,9 @@ impl Mixture {
     ///
     /// * `places` — shape `(n_dims, LANES)`, counts
     /// * `offsets` — of the same shape; overwritten
+    ///
+    /// Inlined, so that it is compiled for the instructions of whoever calls.
+    #[inline(always)]
     pub(crate) fn log_joints(&self, kind: usize, places: &[Lanes], offsets: &mut [Lanes]) -> Lanes {
         let d = self.n_dims;
         let mean = &self.means[kind * d..][..d];

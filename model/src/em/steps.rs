@@ -2,7 +2,8 @@
 //!
 //! Frames are taken eight at a time, dimension by dimension, so that what is done to one is done to eight in the same
 //! instructions. Each frame's sums are those of [`Mixture::posterior`], in the same order and so with the same bits, but that
-//! what is negligible is nothing.
+//! what is negligible is nothing. They are compiled for the widest instructions of the processor, each of which rounds as
+//! the narrow one does.
 
 use nalgebra::DMatrix;
 
@@ -17,6 +18,12 @@ const NEGLIGIBLE: f64 = -70.0;
 
 /// Fills the responsibilities, shape `(n_kinds, n_frames)`, and returns the log-likelihood of all frames.
 pub(super) fn expect(points: Points, mixture: &Mixture, responsibilities: &mut [f64]) -> f64 {
+    pulp::Arch::new().dispatch(|| expect_plainly(points, mixture, responsibilities))
+}
+
+/// Inlined, as all that it calls often, so that it is compiled for the instructions of whoever calls.
+#[inline(always)]
+fn expect_plainly(points: Points, mixture: &Mixture, responsibilities: &mut [f64]) -> f64 {
     let (n_frames, n_kinds) = (points.n(), mixture.n_kinds());
     let mut places = vec![[0.0; LANES]; points.n_dims];
     let mut offsets = places.clone();
@@ -81,6 +88,11 @@ pub(super) fn mean_variance(points: Points) -> f64 {
 
 /// Weighted mean and scatter of one kind, whose responsibilities add up to `share`.
 pub(super) fn scatter(points: Points, responsibilities: &[f64], share: f64) -> (Vec<f64>, DMatrix<f64>) {
+    pulp::Arch::new().dispatch(|| scatter_plainly(points, responsibilities, share))
+}
+
+#[inline(always)]
+fn scatter_plainly(points: Points, responsibilities: &[f64], share: f64) -> (Vec<f64>, DMatrix<f64>) {
     let n_dims = points.n_dims;
     let mut mean = vec![0.0; n_dims];
     for (point, responsibility) in points.rows().zip(responsibilities) {
@@ -123,6 +135,7 @@ pub(super) fn scatter(points: Points, responsibilities: &[f64], share: f64) -> (
 }
 
 /// Takes some frames side by side; lanes without a frame keep what they had, which nobody asks for.
+#[inline(always)]
 fn load(points: Points, first: usize, n_here: usize, places: &mut [Lanes]) {
     for lane in 0..n_here {
         for (place, coordinate) in places.iter_mut().zip(points.row(first + lane)) {
@@ -160,6 +173,19 @@ mod tests {
             assert_eq!([responsibilities[index], responsibilities[11 + index]], expected, "frame {index}");
         }
         assert_eq!(log_likelihood, sum);
+    }
+
+    #[test]
+    fn the_widest_instructions_round_as_the_plain_ones() {
+        let coordinates = places();
+        let points = Points { n_dims: 3, coordinates: &coordinates };
+        let weights: Vec<f64> = (0..22).map(|index| 0.1 + f64::from(index % 7) / 10.0).collect();
+        let of_one = &weights[..11];
+        assert_eq!(scatter(points, of_one, 5.0), scatter_plainly(points, of_one, 5.0));
+        let mixture = maximise(points, 2, &weights, FULL).unwrap();
+        let (mut wide, mut plain) = ([0.0; 22], [0.0; 22]);
+        assert_eq!(expect(points, &mixture, &mut wide), expect_plainly(points, &mixture, &mut plain));
+        assert_eq!(wide, plain);
     }
 
     #[test]
