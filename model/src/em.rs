@@ -30,7 +30,7 @@ use self::covariance::Constraint;
 pub use self::covariance::Covariance;
 use self::starts::Starts;
 pub use self::starts::StartsOn;
-use self::steps::{expect, maximise, mean_variance};
+use self::steps::{Blocks, expect, maximise, mean_and_covariance};
 use crate::mixture::{Mixture, MixtureError};
 use crate::tally::Tally;
 
@@ -197,11 +197,12 @@ pub(crate) fn fit_points(
     }
     let short = EmPlan { n_iterations_max: plan.n_short_iterations, ..plan.clone() };
     let starts = Starts::new(points, plan);
+    let blocks = Blocks::new(points);
     let run = |start_index: u64| {
         let responsibilities = starts.responsibilities(n_kinds, start_index);
         let constraint = Constraint { covariance: plan.covariance, floor };
-        let begun = maximise(points, n_kinds, &responsibilities, constraint);
-        let fit = begun.and_then(|mixture| iterate(points, mixture, &short, floor));
+        let begun = maximise(&blocks, n_kinds, &responsibilities, constraint);
+        let fit = begun.and_then(|mixture| iterate(&blocks, mixture, &short, floor));
         tally.add();
         fit
     };
@@ -216,7 +217,7 @@ pub(crate) fn fit_points(
         if short.converged {
             return Ok(EmFit { n_starts_collapsed, ..short });
         }
-        let Some(mut fit) = iterate(points, short.mixture, plan, floor) else { continue };
+        let Some(mut fit) = iterate(&blocks, short.mixture, plan, floor) else { continue };
         // The last of the short run is the first of the long one.
         fit.log_likelihoods =
             [&short.log_likelihoods[..short.log_likelihoods.len() - 1], &fit.log_likelihoods[..]].concat();
@@ -235,12 +236,12 @@ pub fn fit_mixture_from(coordinates: &[f64], start: Mixture, plan: &EmPlan) -> R
     let points = Points { n_dims: start.n_dims(), coordinates };
     let floor = floor_variance(points, plan)?;
     let collapsed = EmError::Collapsed { n_starts: 1, n_kinds: start.n_kinds(), n_frames: points.n() };
-    iterate(points, start, plan, floor).ok_or(collapsed)
+    iterate(&Blocks::new(points), start, plan, floor).ok_or(collapsed)
 }
 
 /// Variance below which no kind may fall in any direction, counts².
 pub(crate) fn floor_variance(points: Points, plan: &EmPlan) -> Result<f64, EmError> {
-    let mean_variance = mean_variance(points);
+    let mean_variance = mean_and_covariance(&Blocks::new(points)).1.trace() / points.n_dims as f64;
     match mean_variance.is_finite() && mean_variance > 0.0 {
         true => Ok(plan.covariance_floor * mean_variance),
         false => Err(EmError::NoVariance { n_frames: points.n() }),
@@ -248,17 +249,17 @@ pub(crate) fn floor_variance(points: Points, plan: &EmPlan) -> Result<f64, EmErr
 }
 
 /// Iterates to convergence; `None` if a kind loses its frames.
-fn iterate(points: Points, mut mixture: Mixture, plan: &EmPlan, floor: f64) -> Option<EmFit> {
+fn iterate(blocks: &Blocks, mut mixture: Mixture, plan: &EmPlan, floor: f64) -> Option<EmFit> {
     let constraint = Constraint { covariance: plan.covariance, floor };
-    let mut responsibilities = vec![0.0; points.n() * mixture.n_kinds()];
-    let mut log_likelihoods = vec![expect(points, &mixture, &mut responsibilities)];
+    let mut responsibilities = vec![0.0; blocks.n_frames() * mixture.n_kinds()];
+    let mut log_likelihoods = vec![expect(blocks, &mixture, &mut responsibilities)];
     let mut converged = false;
     for _ in 0..plan.n_iterations_max {
-        mixture = maximise(points, mixture.n_kinds(), &responsibilities, constraint)?;
-        let log_likelihood = expect(points, &mixture, &mut responsibilities);
+        mixture = maximise(blocks, mixture.n_kinds(), &responsibilities, constraint)?;
+        let log_likelihood = expect(blocks, &mixture, &mut responsibilities);
         let gain = log_likelihood - log_likelihoods[log_likelihoods.len() - 1];
         log_likelihoods.push(log_likelihood);
-        if gain < plan.tolerance * points.n() as f64 {
+        if gain < plan.tolerance * blocks.n_frames() as f64 {
             converged = true;
             break;
         }

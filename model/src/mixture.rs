@@ -150,29 +150,46 @@ impl Mixture {
         squared
     }
 
-    /// `ln α + ln p(e | kind)` of several places side by side, each with the bits that it has alone.
+    /// `ln α + ln p(e | kind)` of several places side by side, each with the bits that it has alone; or, if all are less than
+    /// what they are asked to be at least, numbers that are less, too.
     ///
     /// * `places` — shape `(n_dims, LANES)`, counts
     /// * `offsets` — of the same shape; overwritten
-    pub(crate) fn log_joints(&self, kind: usize, places: &[Lanes], offsets: &mut [Lanes]) -> Lanes {
+    ///
+    /// Inlined, so that it is compiled for the instructions of whoever calls.
+    #[inline(always)]
+    pub(crate) fn log_joints(
+        &self,
+        kind: usize,
+        places: &[Lanes],
+        offsets: &mut [Lanes],
+        least: &Lanes,
+    ) -> Lanes {
         let d = self.n_dims;
         let mean = &self.means[kind * d..][..d];
-        for ((offset, place), mean) in offsets.iter_mut().zip(places).zip(mean) {
-            *offset = place.map(|place| place - mean);
-        }
+        let peak = self.log_peaks[kind];
+        let mut log_joints = [peak; LANES];
         let mut squared = [0.0; LANES];
         for (row, weights) in self.whitenings[kind * d * d..][..d * d].chunks_exact(d).enumerate() {
+            offsets[row] = places[row].map(|place| place - mean[row]);
             let mut along = [0.0; LANES];
             for (weight, offset) in weights[..=row].iter().zip(&*offsets) {
                 for lane in 0..LANES {
                     along[lane] += weight * offset[lane];
                 }
             }
+            let mut are_less = true;
             for lane in 0..LANES {
                 squared[lane] += along[lane] * along[lane];
+                log_joints[lane] = peak - 0.5 * squared[lane];
+                are_less &= log_joints[lane] < least[lane];
+            }
+            // Squares only take away from it.
+            if are_less {
+                break;
             }
         }
-        squared.map(|squared| self.log_peaks[kind] - 0.5 * squared)
+        log_joints
     }
 
     /// Computes the posterior of every kind, `P(j | e) ∝ α_j p(e | j)`, and returns the log-likelihood `ln p(e)`.

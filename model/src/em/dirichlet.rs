@@ -36,7 +36,7 @@ use rayon::prelude::*;
 use self::kind::{Kind, break_stick, log_normaliser};
 use super::covariance::{Covariance, raise_to_floor};
 use super::starts::Starts;
-use super::steps::{expect, scatter};
+use super::steps::{Blocks, expect, mean_and_covariance, scatter};
 use super::{EmError, EmPlan, Points, floor_variance};
 use crate::evidence::N_KINDS_TRIED_MAX;
 use crate::mixture::Mixture;
@@ -150,6 +150,8 @@ pub fn fit_dirichlet_from(
 /// as all of them together.
 struct Process<'a> {
     points: Points<'a>,
+    /// The same.
+    blocks: Blocks,
     /// N_eff / N: what a frame counts.
     frame_weight: f64,
     /// Least variance in any direction, counts².
@@ -169,10 +171,12 @@ impl<'a> Process<'a> {
         }
         let floor = floor_variance(points, plan)?;
         let n_frames = points.n() as f64;
-        let (mean, covariance) = scatter(points, &vec![1.0; points.n()], n_frames);
+        let blocks = Blocks::new(points);
+        let (mean, covariance) = mean_and_covariance(&blocks);
         let least_variance = PRIOR_VARIANCE_SHARE_MIN * covariance.trace() / points.n_dims as f64;
         Ok(Self {
             points,
+            blocks,
             frame_weight: n_frames_effective / n_frames,
             floor,
             mean,
@@ -188,7 +192,7 @@ impl<'a> Process<'a> {
         let mut converged = false;
         for _ in 0..plan.n_iterations_max {
             lower_bounds.push(believed.lower_bound);
-            expect(self.points, &believed.as_likely(), &mut responsibilities);
+            expect(&self.blocks, &believed.as_likely(), &mut responsibilities);
             believed = self.believe(&responsibilities);
             let gain = believed.lower_bound - lower_bounds[lower_bounds.len() - 1];
             if gain < plan.tolerance * self.frame_weight * self.points.n() as f64 {
@@ -229,7 +233,7 @@ impl<'a> Process<'a> {
         if sum < NEGLIGIBLE {
             return Kind::new(0.0, self.mean.clone(), self.degrees_of_freedom, self.scatter.clone());
         }
-        let (mean, spread) = scatter(self.points, responsibilities, sum);
+        let (mean, spread) = scatter(&self.blocks, responsibilities, sum);
         let n_frames = self.frame_weight * sum;
         let towards = n_frames / (N_FRAMES_OF_MEAN + n_frames);
         let offset: Vec<f64> = mean.iter().zip(&self.mean).map(|(mean, prior)| mean - prior).collect();

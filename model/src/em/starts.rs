@@ -7,8 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 
-use super::steps::scatter;
+use super::steps::{Blocks, mean_and_covariance};
 use super::{EmPlan, Points};
+use crate::mixture::{LANES, Lanes};
 
 /// Which coordinates starts cluster. Kinds are fitted to the coordinates as they are, whichever it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -48,16 +49,17 @@ impl<'a> Starts<'a> {
         let points = self.clustered(start_index);
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         random.set_stream(start_index);
-        let mut centres = k_means_plus_plus(points, n_kinds, &mut random);
+        let blocks = Blocks::new(points);
+        let mut centres = k_means_plus_plus(points, &blocks, n_kinds, &mut random);
         for _ in 0..N_LLOYD_ROUNDS_MAX {
-            let moved = move_to_means(points, &centres);
+            let moved = move_to_means(points, &blocks, &centres);
             if std::mem::replace(&mut centres, moved.clone()) == moved {
                 break;
             }
         }
         let mut responsibilities = vec![0.0; n_kinds * points.n()];
-        for (index, point) in points.rows().enumerate() {
-            responsibilities[nearest_centre(point, &centres).0 * points.n() + index] = 1.0;
+        for (index, nearest) in nearest_centres(&blocks, &centres).into_iter().enumerate() {
+            responsibilities[nearest * points.n() + index] = 1.0;
         }
         responsibilities
     }
@@ -77,7 +79,7 @@ const VARIANCE_SHARE_MIN: f64 = 1e-12;
 
 /// The coordinates turned to their principal directions and scaled to unit variance along each.
 fn whiten(points: Points) -> Vec<f64> {
-    let (_, covariance) = scatter(points, &vec![1.0; points.n()], points.n() as f64);
+    let (_, covariance) = mean_and_covariance(&Blocks::new(points));
     let eigen = covariance.symmetric_eigen();
     let least = VARIANCE_SHARE_MIN * eigen.eigenvalues.max();
     let scales = eigen.eigenvalues.map(|variance| if variance > least { 1.0 / variance.sqrt() } else { 0.0 });
@@ -86,15 +88,17 @@ fn whiten(points: Points) -> Vec<f64> {
     whitened.as_slice().to_vec()
 }
 
-fn k_means_plus_plus(points: Points, n_centres: usize, random: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+fn k_means_plus_plus(
+    points: Points,
+    blocks: &Blocks,
+    n_centres: usize,
+    random: &mut ChaCha8Rng,
+) -> Vec<Vec<f64>> {
     let mut centres = vec![points.row(random.random_range(0..points.n())).to_vec()];
     let mut squared: Vec<f64> = vec![f64::INFINITY; points.n()];
     while centres.len() < n_centres {
         let newest = &centres[centres.len() - 1];
-        squared
-            .iter_mut()
-            .zip(points.rows())
-            .for_each(|(least, point)| *least = least.min(squared_distance(point, newest)));
+        lessen(&mut squared, blocks, newest);
         let mut left = random.random::<f64>() * squared.iter().sum::<f64>();
         let drawn = squared.iter().position(|squared| {
             left -= squared;
@@ -107,11 +111,10 @@ fn k_means_plus_plus(points: Points, n_centres: usize, random: &mut ChaCha8Rng) 
 }
 
 /// One round of Lloyd's algorithm; a centre without frames stays where it is.
-fn move_to_means(points: Points, centres: &[Vec<f64>]) -> Vec<Vec<f64>> {
+fn move_to_means(points: Points, blocks: &Blocks, centres: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut sums = vec![vec![0.0; points.n_dims]; centres.len()];
     let mut counts = vec![0_usize; centres.len()];
-    for point in points.rows() {
-        let (nearest, _) = nearest_centre(point, centres);
+    for (point, nearest) in points.rows().zip(nearest_centres(blocks, centres)) {
         counts[nearest] += 1;
         sums[nearest].iter_mut().zip(point).for_each(|(sum, place)| *sum += place);
     }
@@ -124,13 +127,54 @@ fn move_to_means(points: Points, centres: &[Vec<f64>]) -> Vec<Vec<f64>> {
     sums
 }
 
-fn nearest_centre(point: &[f64], centres: &[Vec<f64>]) -> (usize, f64) {
-    let distances = centres.iter().map(|centre| squared_distance(point, centre)).enumerate();
-    distances.fold((0, f64::INFINITY), |best, next| if next.1 < best.1 { next } else { best })
+/// Which centre each frame is nearest to, the first of equals.
+fn nearest_centres(blocks: &Blocks, centres: &[Vec<f64>]) -> Vec<usize> {
+    pulp::Arch::new().dispatch(|| nearest_centres_plainly(blocks, centres))
 }
 
-fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+/// Inlined, as all that it calls, so that it is compiled for the instructions of whoever calls.
+#[inline(always)]
+fn nearest_centres_plainly(blocks: &Blocks, centres: &[Vec<f64>]) -> Vec<usize> {
+    let mut of_all = Vec::with_capacity(blocks.n_frames() + LANES);
+    for places in blocks.iter() {
+        let mut least = [f64::INFINITY; LANES];
+        let mut nearest = [0; LANES];
+        for (index, centre) in centres.iter().enumerate() {
+            let squared = squared_distances(places, centre);
+            for lane in 0..LANES {
+                let is_nearer = squared[lane] < least[lane];
+                least[lane] = if is_nearer { squared[lane] } else { least[lane] };
+                nearest[lane] = if is_nearer { index } else { nearest[lane] };
+            }
+        }
+        of_all.extend_from_slice(&nearest);
+    }
+    of_all.truncate(blocks.n_frames());
+    of_all
+}
+
+/// Takes a new centre for each frame's nearest, where it is.
+fn lessen(squared: &mut [f64], blocks: &Blocks, centre: &[f64]) {
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (least, places) in squared.chunks_mut(LANES).zip(blocks.iter()) {
+                let squared = squared_distances(places, centre);
+                least.iter_mut().zip(squared).for_each(|(least, squared)| *least = least.min(squared));
+            }
+        },
+    );
+}
+
+#[inline(always)]
+fn squared_distances(places: &[Lanes], centre: &[f64]) -> Lanes {
+    let mut squared = [0.0; LANES];
+    for (place, centre) in places.iter().zip(centre) {
+        for lane in 0..LANES {
+            squared[lane] += (place[lane] - centre) * (place[lane] - centre);
+        }
+    }
+    squared
 }
 
 #[cfg(test)]
@@ -168,7 +212,7 @@ mod tests {
         let flat: Vec<f64> = rows().chunks_exact(2).flat_map(|place| [place[0], place[1], 7.0]).collect();
         let whitened = whiten(Points { n_dims: 3, coordinates: &flat });
         let points = Points { n_dims: 3, coordinates: &whitened };
-        let (_, covariance) = scatter(points, &[1.0; 40], 40.0);
+        let (_, covariance) = mean_and_covariance(&Blocks::new(points));
         // One direction has no variance, in whichever place. Of the others the smaller variance is 1e-8 of the larger, whose
         // rounding it bears.
         let found = covariance.diagonal();

@@ -1,8 +1,13 @@
 //! The two steps, expectation and maximisation, over all frames.
 //!
-//! Frames are taken eight at a time, dimension by dimension, so that what is done to one is done to eight in the same
-//! instructions. Each frame's sums are those of [`Mixture::posterior`], in the same order and so with the same bits, but that
-//! what is negligible is nothing.
+//! Plainly: [`Mixture::posterior`] of every frame, then each kind's weighted mean and scatter. Departures from the plain way:
+//!
+//! 1. **Frames eight side by side**, dimension by dimension ([`Blocks`]), so that what is done to one is done to eight in the
+//!    same instructions, and these are the widest of the processor. Each rounds as the narrow one does.
+//! 2. **What is negligible is nothing**, and a kind is given up as soon as it is seen to be negligible for all eight: terms of
+//!    a Mahalanobis distance only add to it. Each frame's other responsibilities have the bits of its posterior.
+//! 3. **Scatters are summed over blocks in which the kind has a part**, eight blocks at a time, so that a sum stays in its
+//!    register for as long.
 
 use nalgebra::DMatrix;
 
@@ -15,26 +20,73 @@ use crate::mixture::{LANES, Lanes, Mixture};
 /// move it by less than rounding does. Where kinds are many, they have no part in most frames.
 const NEGLIGIBLE: f64 = -70.0;
 
+/// Blocks whose scatter is summed at a time: with fifteen dimensions they fill half a core's first cache.
+const N_BLOCKS: usize = 8;
+
+/// All frames, eight side by side.
+pub(super) struct Blocks {
+    n_dims: usize,
+    n_frames: usize,
+    /// Shape `(n_blocks, n_dims)`; zeros where there is no frame.
+    places: Vec<Lanes>,
+}
+
+impl Blocks {
+    pub(super) fn new(points: Points) -> Self {
+        let n_dims = points.n_dims;
+        let mut places = vec![[0.0; LANES]; points.n().div_ceil(LANES) * n_dims];
+        for (index, row) in points.rows().enumerate() {
+            let block = &mut places[index / LANES * n_dims..][..n_dims];
+            block.iter_mut().zip(row).for_each(|(lanes, place)| lanes[index % LANES] = *place);
+        }
+        Self { n_dims, n_frames: points.n(), places }
+    }
+
+    pub(super) fn n_frames(&self) -> usize {
+        self.n_frames
+    }
+
+    /// Each of shape `(n_dims,)`.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &[Lanes]> {
+        self.places.chunks_exact(self.n_dims)
+    }
+}
+
 /// Fills the responsibilities, shape `(n_kinds, n_frames)`, and returns the log-likelihood of all frames.
-pub(super) fn expect(points: Points, mixture: &Mixture, responsibilities: &mut [f64]) -> f64 {
-    let (n_frames, n_kinds) = (points.n(), mixture.n_kinds());
-    let mut places = vec![[0.0; LANES]; points.n_dims];
-    let mut offsets = places.clone();
+pub(super) fn expect(blocks: &Blocks, mixture: &Mixture, responsibilities: &mut [f64]) -> f64 {
+    pulp::Arch::new().dispatch(|| expect_plainly(blocks, mixture, responsibilities))
+}
+
+/// Inlined, as all that it calls often, so that it is compiled for the instructions of whoever calls.
+#[inline(always)]
+fn expect_plainly(blocks: &Blocks, mixture: &Mixture, responsibilities: &mut [f64]) -> f64 {
+    let (n_frames, n_kinds) = (blocks.n_frames, mixture.n_kinds());
+    let mut offsets = vec![[0.0; LANES]; blocks.n_dims];
     let mut log_joints = vec![[0.0; LANES]; n_kinds];
     let mut log_likelihood = 0.0;
-    for first in (0..n_frames).step_by(LANES) {
-        let n_here = LANES.min(n_frames - first);
-        load(points, first, n_here, &mut places);
-        for (kind, log_joint) in log_joints.iter_mut().enumerate() {
-            *log_joint = mixture.log_joints(kind, &places, &mut offsets);
+    // A likely kind first shows soonest which others are negligible, and frames are often of the kind of the last one.
+    let mut likely = 0;
+    for (block, places) in blocks.iter().enumerate() {
+        let mut highest = [f64::NEG_INFINITY; LANES];
+        for kind in std::iter::once(likely).chain((0..n_kinds).filter(|kind| *kind != likely)) {
+            let least = highest.map(|highest| highest + NEGLIGIBLE);
+            let log_joint = mixture.log_joints(kind, places, &mut offsets, &least);
+            for lane in 0..LANES {
+                highest[lane] = if log_joint[lane] > highest[lane] { log_joint[lane] } else { highest[lane] };
+            }
+            log_joints[kind] = log_joint;
         }
-        for lane in 0..n_here {
-            let highest = log_joints.iter().map(|joint| joint[lane]).fold(f64::NEG_INFINITY, f64::max);
+        let first = block * LANES;
+        for lane in 0..LANES.min(n_frames - first) {
+            let highest = highest[lane];
             let mut sum = 0.0;
-            for log_joint in &mut log_joints {
-                let below = log_joint[lane] - highest;
-                log_joint[lane] = if below < NEGLIGIBLE { 0.0 } else { libm::exp(below) };
-                sum += log_joint[lane];
+            for (kind, log_joint) in log_joints.iter_mut().enumerate() {
+                let joint = &mut log_joint[lane];
+                if *joint == highest {
+                    likely = kind;
+                }
+                *joint = if *joint < highest + NEGLIGIBLE { 0.0 } else { libm::exp(*joint - highest) };
+                sum += *joint;
             }
             for (kind, joint) in log_joints.iter().enumerate() {
                 responsibilities[kind * n_frames + first + lane] = joint[lane] / sum;
@@ -47,22 +99,22 @@ pub(super) fn expect(points: Points, mixture: &Mixture, responsibilities: &mut [
 
 /// The mixture that the responsibilities make likeliest; `None` if a kind has less than one frame left, or no volume.
 pub(super) fn maximise(
-    points: Points,
+    blocks: &Blocks,
     n_kinds: usize,
     responsibilities: &[f64],
     constraint: Constraint,
 ) -> Option<Mixture> {
-    let n_dims = points.n_dims;
+    let n_dims = blocks.n_dims;
     let mut weights = Vec::with_capacity(n_kinds);
     let mut means = Vec::with_capacity(n_kinds * n_dims);
     let mut scatters = Vec::with_capacity(n_kinds);
-    for of_kind in responsibilities.chunks_exact(points.n()) {
+    for of_kind in responsibilities.chunks_exact(blocks.n_frames) {
         let share: f64 = of_kind.iter().sum();
         if share < 1.0 {
             return None;
         }
-        let (mean, scatter) = scatter(points, of_kind, share);
-        weights.push(share / points.n() as f64);
+        let (mean, scatter) = scatter(blocks, of_kind, share);
+        weights.push(share / blocks.n_frames as f64);
         means.extend_from_slice(&mean);
         scatters.push(scatter);
     }
@@ -73,40 +125,54 @@ pub(super) fn maximise(
     Mixture::new(n_dims, weights, means, covariances).ok()
 }
 
-/// Mean variance of all frames over the dimensions, counts².
-pub(super) fn mean_variance(points: Points) -> f64 {
-    let (_, scatter) = scatter(points, &vec![1.0; points.n()], points.n() as f64);
-    scatter.trace() / points.n_dims as f64
+/// Mean and covariance of all frames, counts and counts².
+pub(super) fn mean_and_covariance(blocks: &Blocks) -> (Vec<f64>, DMatrix<f64>) {
+    scatter(blocks, &vec![1.0; blocks.n_frames], blocks.n_frames as f64)
 }
 
 /// Weighted mean and scatter of one kind, whose responsibilities add up to `share`.
-pub(super) fn scatter(points: Points, responsibilities: &[f64], share: f64) -> (Vec<f64>, DMatrix<f64>) {
-    let n_dims = points.n_dims;
-    let mut mean = vec![0.0; n_dims];
-    for (point, responsibility) in points.rows().zip(responsibilities) {
-        mean.iter_mut().zip(point).for_each(|(mean, place)| *mean += responsibility * place);
-    }
-    mean.iter_mut().for_each(|mean| *mean /= share);
+pub(super) fn scatter(blocks: &Blocks, responsibilities: &[f64], share: f64) -> (Vec<f64>, DMatrix<f64>) {
+    pulp::Arch::new().dispatch(|| scatter_plainly(blocks, responsibilities, share))
+}
 
-    let mut offsets = vec![[0.0; LANES]; n_dims];
+#[inline(always)]
+fn scatter_plainly(blocks: &Blocks, responsibilities: &[f64], share: f64) -> (Vec<f64>, DMatrix<f64>) {
+    let n_dims = blocks.n_dims;
+    let with_part: Vec<(&[Lanes], Lanes)> = blocks
+        .iter()
+        .zip(responsibilities.chunks(LANES).map(lanes))
+        .filter(|(_, weights)| weights.iter().any(|weight| *weight != 0.0))
+        .collect();
+
+    let mut sums = vec![[0.0; LANES]; n_dims];
+    for (places, weights) in &with_part {
+        for (sum, place) in sums.iter_mut().zip(*places) {
+            add_product(sum, weights, place);
+        }
+    }
+    let mean: Vec<f64> = sums.iter().map(|sum| sum.iter().sum::<f64>() / share).collect();
+
+    let mut offsets = vec![[[0.0; LANES]; N_BLOCKS]; n_dims];
+    let mut weighted = offsets.clone();
     // The lower triangle by rows, each entry as eight sums.
     let mut sums = vec![[0.0; LANES]; n_dims * (n_dims + 1) / 2];
-    for (block, responsibilities) in responsibilities.chunks(LANES).enumerate() {
-        if responsibilities.iter().all(|responsibility| *responsibility == 0.0) {
-            continue;
-        }
-        load(points, block * LANES, responsibilities.len(), &mut offsets);
-        for (offset, mean) in offsets.iter_mut().zip(&mean) {
-            offset.iter_mut().for_each(|place| *place -= mean);
-        }
-        let mut weights = [0.0; LANES];
-        weights[..responsibilities.len()].copy_from_slice(responsibilities);
-        let mut sums = sums.iter_mut();
-        for (row, along_row) in offsets.iter().enumerate() {
-            let weighted: Lanes = std::array::from_fn(|lane| weights[lane] * along_row[lane]);
-            for (along_column, sum) in offsets[..=row].iter().zip(&mut sums) {
+    for group in with_part.chunks(N_BLOCKS) {
+        for dim in 0..n_dims {
+            for (block, (places, weights)) in group.iter().enumerate() {
                 for lane in 0..LANES {
-                    sum[lane] += weighted[lane] * along_column[lane];
+                    let offset = places[dim][lane] - mean[dim];
+                    offsets[dim][block][lane] = offset;
+                    weighted[dim][block][lane] = weights[lane] * offset;
+                }
+            }
+            // What the group before left there.
+            weighted[dim][group.len()..].fill([0.0; LANES]);
+        }
+        let mut sums = sums.iter_mut();
+        for (row, along_row) in weighted.iter().enumerate() {
+            for (along_column, sum) in offsets[..=row].iter().zip(&mut sums) {
+                for block in 0..N_BLOCKS {
+                    add_product(sum, &along_row[block], &along_column[block]);
                 }
             }
         }
@@ -122,13 +188,19 @@ pub(super) fn scatter(points: Points, responsibilities: &[f64], share: f64) -> (
     (mean, scatter)
 }
 
-/// Takes some frames side by side; lanes without a frame keep what they had, which nobody asks for.
-fn load(points: Points, first: usize, n_here: usize, places: &mut [Lanes]) {
-    for lane in 0..n_here {
-        for (place, coordinate) in places.iter_mut().zip(points.row(first + lane)) {
-            place[lane] = *coordinate;
-        }
+#[inline(always)]
+fn add_product(sum: &mut Lanes, a: &Lanes, b: &Lanes) {
+    for lane in 0..LANES {
+        sum[lane] += a[lane] * b[lane];
     }
+}
+
+/// Some numbers side by side, and nothing in lanes after the last.
+#[inline(always)]
+fn lanes(numbers: &[f64]) -> Lanes {
+    let mut lanes = [0.0; LANES];
+    lanes[..numbers.len()].copy_from_slice(numbers);
+    lanes
 }
 
 #[cfg(test)]
@@ -147,11 +219,12 @@ mod tests {
     fn responsibilities_are_the_posteriors_bit_for_bit_where_they_are_not_negligible() {
         let coordinates = places();
         let points = Points { n_dims: 3, coordinates: &coordinates };
+        let blocks = Blocks::new(points);
         let halves: Vec<f64> =
             (0..22).map(|index| f64::from(u8::from((index < 11) == (index % 2 == 0)))).collect();
-        let mixture = maximise(points, 2, &halves, FULL).unwrap();
+        let mixture = maximise(&blocks, 2, &halves, FULL).unwrap();
         let mut responsibilities = vec![0.0; 22];
-        let log_likelihood = expect(points, &mixture, &mut responsibilities);
+        let log_likelihood = expect(&blocks, &mixture, &mut responsibilities);
         let mut posterior = [0.0; 2];
         let mut sum = 0.0;
         for (index, place) in points.rows().enumerate() {
@@ -163,12 +236,26 @@ mod tests {
     }
 
     #[test]
+    fn the_widest_instructions_round_as_the_plain_ones() {
+        let coordinates = places();
+        let blocks = Blocks::new(Points { n_dims: 3, coordinates: &coordinates });
+        let weights: Vec<f64> = (0..22).map(|index| 0.1 + f64::from(index % 7) / 10.0).collect();
+        let of_one = &weights[..11];
+        assert_eq!(scatter(&blocks, of_one, 5.0), scatter_plainly(&blocks, of_one, 5.0));
+        let mixture = maximise(&blocks, 2, &weights, FULL).unwrap();
+        let (mut wide, mut plain) = ([0.0; 22], [0.0; 22]);
+        assert_eq!(expect(&blocks, &mixture, &mut wide), expect_plainly(&blocks, &mixture, &mut plain));
+        assert_eq!(wide, plain);
+    }
+
+    #[test]
     fn the_scatter_is_that_of_the_printed_formula() {
         let coordinates = places();
         let points = Points { n_dims: 3, coordinates: &coordinates };
+        let blocks = Blocks::new(points);
         let weights: Vec<f64> = (0..11).map(|index| f64::from(index % 4) / 4.0).collect();
         let share: f64 = weights.iter().sum();
-        let (mean, found) = scatter(points, &weights, share);
+        let (mean, found) = scatter(&blocks, &weights, share);
         let mut expected = DMatrix::zeros(3, 3);
         for (place, weight) in points.rows().zip(&weights) {
             for row in 0..3 {
