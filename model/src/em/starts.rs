@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::steps::{Blocks, mean_and_covariance};
 use super::{EmPlan, Points};
 use crate::mixture::{LANES, Lanes};
+use crate::simd::Instructions;
 
 /// Which coordinates starts cluster. Kinds are fitted to the coordinates as they are, whichever it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -129,7 +130,10 @@ fn move_to_means(points: Points, blocks: &Blocks, centres: &[Vec<f64>]) -> Vec<V
 
 /// Which centre each frame is nearest to, the first of equals.
 fn nearest_centres(blocks: &Blocks, centres: &[Vec<f64>]) -> Vec<usize> {
-    pulp::Arch::new().dispatch(|| nearest_centres_plainly(blocks, centres))
+    Instructions::widest().run(
+        #[inline(always)]
+        || nearest_centres_plainly(blocks, centres),
+    )
 }
 
 /// Inlined, as all that it calls, so that it is compiled for the instructions of whoever calls.
@@ -155,7 +159,7 @@ fn nearest_centres_plainly(blocks: &Blocks, centres: &[Vec<f64>]) -> Vec<usize> 
 
 /// Takes a new centre for each frame's nearest, where it is.
 fn lessen(squared: &mut [f64], blocks: &Blocks, centre: &[f64]) {
-    pulp::Arch::new().dispatch(
+    Instructions::widest().run(
         #[inline(always)]
         || {
             for (least, places) in squared.chunks_mut(LANES).zip(blocks.iter()) {

@@ -14,6 +14,7 @@ use nalgebra::DMatrix;
 use super::Points;
 use super::covariance::Constraint;
 use crate::mixture::{LANES, Lanes, Mixture};
+use crate::simd::Instructions;
 
 /// A kind that is this much less likely for a frame than the likeliest, nats, has no part in it: e⁻⁷⁰ is 4e-31. To the sum
 /// over kinds, which is 1 or more, that adds no bit; and even a frame √N spreads away from a kind of a single frame would
@@ -54,7 +55,10 @@ impl Blocks {
 
 /// Fills the responsibilities, shape `(n_kinds, n_frames)`, and returns the log-likelihood of all frames.
 pub(super) fn expect(blocks: &Blocks, mixture: &Mixture, responsibilities: &mut [f64]) -> f64 {
-    pulp::Arch::new().dispatch(|| expect_plainly(blocks, mixture, responsibilities))
+    Instructions::widest().run(
+        #[inline(always)]
+        || expect_plainly(blocks, mixture, responsibilities),
+    )
 }
 
 /// Inlined, as all that it calls often, so that it is compiled for the instructions of whoever calls.
@@ -132,7 +136,10 @@ pub(super) fn mean_and_covariance(blocks: &Blocks) -> (Vec<f64>, DMatrix<f64>) {
 
 /// Weighted mean and scatter of one kind, whose responsibilities add up to `share`.
 pub(super) fn scatter(blocks: &Blocks, responsibilities: &[f64], share: f64) -> (Vec<f64>, DMatrix<f64>) {
-    pulp::Arch::new().dispatch(|| scatter_plainly(blocks, responsibilities, share))
+    Instructions::widest().run(
+        #[inline(always)]
+        || scatter_plainly(blocks, responsibilities, share),
+    )
 }
 
 #[inline(always)]
