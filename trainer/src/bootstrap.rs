@@ -9,6 +9,7 @@ use std::ops::Range;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use rayon::prelude::*;
 
 /// Of fewer blocks than this nothing is said: their resamples are too few to differ.
 const N_BLOCKS_MIN: usize = 5;
@@ -52,9 +53,9 @@ impl Resamples {
 
     /// The range that holds the middle 95 of a hundred resamples' scores, those that have one. None if none has.
     ///
-    /// * `score` — of the blocks drawn
-    pub(crate) fn interval(&self, score: impl Fn(&[usize]) -> Option<f64>) -> Option<[f64; 2]> {
-        let mut scores: Vec<f64> = self.draws.iter().filter_map(|draw| score(draw)).collect();
+    /// * `score` — of the blocks drawn; asked for on the threads of whoever calls
+    pub(crate) fn interval(&self, score: impl Fn(&[usize]) -> Option<f64> + Sync) -> Option<[f64; 2]> {
+        let mut scores: Vec<f64> = self.draws.par_iter().filter_map(|draw| score(draw)).collect();
         scores.sort_by(f64::total_cmp);
         let at = |share: f64| scores[((scores.len() - 1) as f64 * share).round() as usize];
         (!scores.is_empty()).then(|| [at(0.025), at(0.975)])

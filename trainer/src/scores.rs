@@ -117,6 +117,8 @@ struct Block {
     counts: Counts,
     pairs: Contingency,
     grid: GridCounts,
+    /// The same, summed over shares.
+    by_radius: Vec<[u64; 2]>,
 }
 
 impl Comparison<'_> {
@@ -186,7 +188,7 @@ impl Comparison<'_> {
             .map(|((range, counts), grid)| {
                 let mut pairs = Contingency::new(method.n_kinds);
                 self.revisits.pairs(first, second, range).for_each(|pair| pairs.count(pair));
-                Block { counts, pairs, grid }
+                Block { counts, pairs, by_radius: grid.by_radius(), grid }
             })
             .collect()
     }
@@ -210,7 +212,7 @@ impl Comparison<'_> {
                     let pairs = pairs(blocks, draw);
                     measured(draw).map(|_| pairs.adjusted_mutual_information())
                 })?,
-                area: resamples.interval(|draw| area(blocks, draw)),
+                area: resamples.interval(|draw| area(blocks, draw, self.grid.shares.len())),
             })
         });
         let Consistency { consistency, chance } = found;
@@ -250,8 +252,14 @@ fn grid(blocks: &[Block]) -> GridCounts {
     GridCounts::sum(blocks.iter().map(|block| &block.grid))
 }
 
-fn area(blocks: &[Block], draw: &[usize]) -> Option<f64> {
-    GridCounts::sum(draw.iter().map(|&block| &blocks[block].grid)).surface().area
+fn area(blocks: &[Block], draw: &[usize], n_shares: usize) -> Option<f64> {
+    let mut sums = vec![[0; 2]; blocks[0].by_radius.len()];
+    for &block in draw {
+        for (sum, counts) in sums.iter_mut().zip(&blocks[block].by_radius) {
+            *sum = [sum[0] + counts[0], sum[1] + counts[1]];
+        }
+    }
+    surface::area(&sums, n_shares)
 }
 
 /// Share of the most frequent kind among frames; 0 without frames.

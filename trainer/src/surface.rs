@@ -71,6 +71,16 @@ impl GridCounts {
         sum
     }
 
+    /// At each radius, frames that were revisited, and how often they were consistent over all shares, shape `(n_radii,)`: all that
+    /// the area needs.
+    pub(crate) fn by_radius(&self) -> Vec<[u64; 2]> {
+        let sums = self.counts.chunks(self.n_shares).map(|row| {
+            // The same frames are revisited whatever the share.
+            [row[0].n_revisited, row.iter().map(|point| point.n_consistent).sum()]
+        });
+        sums.collect()
+    }
+
     /// Consistency at each point.
     pub(crate) fn surface(&self) -> Surface {
         let points: Vec<_> = self.counts.iter().map(|counts| counts.consistency(self.n_shifts)).collect();
@@ -84,6 +94,15 @@ impl GridCounts {
         let chance = of(|point| point.chance);
         Surface { area: mean(&consistency), chance_area: mean(&chance), consistency, chance }
     }
+}
+
+/// The area under a surface, of sums of [`GridCounts::by_radius`].
+pub(crate) fn area(by_radius: &[[u64; 2]], n_shares: usize) -> Option<f64> {
+    let known = by_radius.iter().filter(|[n_revisited, _]| *n_revisited > 0);
+    let shares: Vec<f64> = known
+        .map(|[n_revisited, n_consistent]| *n_consistent as f64 / (*n_revisited as f64 * n_shares as f64))
+        .collect();
+    (!shares.is_empty()).then(|| shares.iter().sum::<f64>() / shares.len() as f64)
 }
 
 /// Mean of what is known.
@@ -179,7 +198,11 @@ mod tests {
             let methods = [[&first.1[..], &second.1[..]], [&first.1[..], &others[..]]];
             let found = count([&first.0, &second.0], None, &methods, &grid, &[0..cut, cut..n_first], &|_| ());
             for (kinds, blocks) in methods.iter().zip(&found) {
-                let surface = GridCounts::sum(blocks).surface();
+                let sum = GridCounts::sum(blocks);
+                let surface = sum.surface();
+                let by_radius = area(&sum.by_radius(), grid.shares.len());
+                prop_assert_eq!(by_radius.is_some(), surface.area.is_some());
+                prop_assert!((by_radius.unwrap_or(0.0) - surface.area.unwrap_or(0.0)).abs() < 1e-12);
                 for (radius, radius_m) in grid.radii_m.iter().enumerate() {
                     let revisits = Revisits::find(&first.0, &second.0, &SamePlace::within(*radius_m));
                     for (point, share) in grid.shares.iter().enumerate() {
