@@ -5,6 +5,7 @@
 
 use serde::Serialize;
 
+use crate::places::distance_m;
 use crate::runs::{Runs, runs};
 use crate::trip_kinds::TripKinds;
 
@@ -104,12 +105,9 @@ impl RunLengths {
 fn way(trip: &TripKinds) -> Option<(usize, f64)> {
     let placed: Vec<_> =
         trip.poses.iter().zip(trip.kinds).filter_map(|(pose, kind)| Some(((*pose)?, kind))).collect();
-    let step = |pair: &[(kinds_trips::Pose, &usize)]| {
-        let (a, b) = (pair[0].0, pair[1].0);
-        (b.x_m - a.x_m).hypot(b.y_m - a.y_m)
-    };
     let n_switches = placed.windows(2).filter(|pair| pair[0].1 != pair[1].1).count();
-    (!placed.is_empty()).then(|| (n_switches, placed.windows(2).map(step).sum()))
+    (!placed.is_empty())
+        .then(|| (n_switches, placed.windows(2).map(|pair| distance_m(&pair[0].0, &pair[1].0)).sum()))
 }
 
 fn shares(counts: &[usize]) -> Option<Vec<f64>> {

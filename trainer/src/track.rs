@@ -22,27 +22,19 @@ pub struct Track {
 impl Track {
     /// Of all frames that have a valid reading.
     pub fn of(trip: &LoadedTrip) -> Self {
-        Self::of_those(trip, |_| true)
-    }
-
-    /// Of the frames whose place is known: those that [`evaluate`](crate::evaluate()) classifies.
-    pub fn placed(trip: &LoadedTrip) -> Self {
-        Self::of_those(trip, |pose| pose.is_some())
+        let start_ns = trip.captured.first().map_or(0, |captured| captured.0);
+        let seconds = |captured: &Stamp| (captured.0 - start_ns) as f64 / 1e9;
+        Self {
+            title: Self::title_of(trip),
+            seconds: trip.captured.iter().map(seconds).collect(),
+            poses: trip.poses.clone(),
+            commands: trip.commands.clone(),
+        }
     }
 
     /// What to call a trip: its file's name, without folder and extension.
     pub(crate) fn title_of(trip: &LoadedTrip) -> String {
         trip.path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
-    }
-
-    fn of_those(trip: &LoadedTrip, is_taken: fn(&Option<Pose>) -> bool) -> Self {
-        let start_ns = trip.captured.first().map_or(0, |captured| captured.0);
-        let known = trip.poses.iter().zip(&trip.commands);
-        let taken = trip.captured.iter().zip(known).filter(|(_, (pose, _))| is_taken(pose));
-        let seconds = |captured: &Stamp| (captured.0 - start_ns) as f64 / 1e9;
-        let (seconds, (poses, commands)) =
-            taken.map(|(captured, (pose, command))| (seconds(captured), (pose, command))).unzip();
-        Self { title: Self::title_of(trip), seconds, poses, commands }
     }
 
     /// Number of frames.
@@ -82,17 +74,12 @@ mod tests {
             n_frames_invalid: 0,
             truncation: None,
         };
-        let title = "fourth-floor-1".to_string();
-        let all = Track {
-            title: title.clone(),
+        let expected = Track {
+            title: "fourth-floor-1".to_string(),
             seconds: vec![0.0, 0.25, 0.5],
-            poses: trip.poses.clone(),
+            poses: vec![None, place, place],
             commands: vec![None; 3],
         };
-        assert_eq!(Track::of(&trip), all);
-        assert_eq!(
-            Track::placed(&trip),
-            Track { title, seconds: vec![0.25, 0.5], poses: vec![place, place], commands: vec![None; 2] }
-        );
+        assert_eq!(Track::of(&trip), expected);
     }
 }

@@ -44,6 +44,12 @@ const Y_TITLE_PX: f64 = 26.0;
 pub(super) const MARGINS_PX: (f64, f64) = (LEFT_PX + RIGHT_PX, NAME_PX + Y_TITLE_PX + BOTTOM_PX);
 
 impl Axis<'_> {
+    /// A row for each kind, the first on top, where reading begins.
+    pub(super) fn of_kinds(n_kinds: usize, row_px: f64) -> Self {
+        let range = (n_kinds as f64 - 0.5, -0.5);
+        Self { title: "kind", unit: "", range, step_min: 1.0, px_per_tick: row_px }
+    }
+
     fn ticks(&self, length_px: f64) -> Ticks {
         Ticks::new(self.range, (length_px / self.px_per_tick).round() as usize, self.step_min)
     }

@@ -122,13 +122,7 @@ pub fn run_lengths(name: &str, title: &str, trips: &[TripKinds]) -> Figure {
                 step_min: 0.0,
                 px_per_tick: X_PX_PER_TICK,
             },
-            Axis {
-                title: "kind",
-                unit: "",
-                range: (n_kinds as f64 - 0.5, -0.5),
-                step_min: 1.0,
-                px_per_tick: ROW_PX,
-            },
+            Axis::of_kinds(n_kinds, ROW_PX),
         );
         for (kind, seconds) in lengths {
             let class = KindStyle::of(kind).colour_class();

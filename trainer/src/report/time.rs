@@ -44,14 +44,7 @@ fn strip(trip: &TripKinds, n_kinds: usize) -> Drawing {
         (WIDTH_MAX, ROW_PX * n_kinds as f64 + MARGINS_PX.1),
         trip.title,
         Axis { title: "time", unit: "s", range: (low, high), step_min: 0.0, px_per_tick: X_PX_PER_TICK },
-        // The first kind is on top, where reading begins.
-        Axis {
-            title: "kind",
-            unit: "",
-            range: (n_kinds as f64 - 0.5, -0.5),
-            step_min: 1.0,
-            px_per_tick: ROW_PX,
-        },
+        Axis::of_kinds(n_kinds, ROW_PX),
     );
     for kind in 0..n_kinds {
         let mut path = String::new();
