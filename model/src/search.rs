@@ -4,14 +4,15 @@
 //! [indexed](Frames::indexed) and the metric allows bounds ([`blocks`](crate::blocks)):
 //! 1. Coarse bounds of all frames.
 //! 2. Some are measured first, for a k-th distance to beat: of those with the least coarse bounds and those that were
-//!    nearest to the last query (a robot's next frame is much like the one before), the ones with the least fine bounds.
+//!    nearest to the last query (a robot's next frame is much like the one before), the half with the least bounds at the next
+//!    finer level, and so on to the finest. The nearer these are, the fewer others are looked at.
 //! 3. Frames whose coarse bound is beyond that distance, or whose bound at a finer level is, are farther than k others.
 //! 4. The rest are measured by rising bounds, several side by side, until a bound is beyond the k-th distance.
 //!
 //! A frame is only passed over for a bound that proves it farther than the k-th, never for one that equals it, so that ties
 //! go to the lower index here too. What the last query was decides what is measured, and not what is found.
 
-use crate::blocks::{Bounded, Bounds, Sketch};
+use crate::blocks::{Blocks, Bounded, Bounds, Sketch};
 use crate::frames::Frames;
 use crate::metric::{Metric, N_SIDE_BY_SIDE};
 use crate::neighbors::{Neighbor, keep, neighbor};
@@ -30,6 +31,8 @@ struct Pruned {
     bounds: Vec<Bounds>,
     /// Frames that are not ruled out.
     candidates: Vec<Bounded>,
+    /// By level, frames with bounds of that level, that nearer ones were measured before.
+    waiting: Vec<Vec<Bounded>>,
     /// Frames that were measured for the last answer.
     n_measured: usize,
 }
@@ -39,12 +42,7 @@ impl Search {
     pub(crate) fn new(frames: &Frames, k: usize) -> Self {
         let n_frames = frames.n_frames();
         assert!((1..=n_frames).contains(&k), "{k} neighbours among {n_frames} frames");
-        let pruned = frames.blocks().map(|blocks| Pruned {
-            sketch: blocks.sketch(),
-            bounds: vec![Bounds::default(); blocks.n_chunks()],
-            candidates: Vec::with_capacity(n_frames),
-            n_measured: 0,
-        });
+        let pruned = frames.blocks().map(|blocks| Pruned::new(blocks, n_frames, k));
         Self { k, nearest: Vec::with_capacity(k), pruned }
     }
 
@@ -74,6 +72,18 @@ impl Search {
 }
 
 impl Pruned {
+    fn new(blocks: &Blocks, n_frames: usize, k: usize) -> Self {
+        let waiting =
+            (0..blocks.n_levels()).rev().map(|finer| Vec::with_capacity(n_first(k, finer).min(n_frames)));
+        Self {
+            sketch: blocks.sketch(),
+            bounds: vec![Bounds::default(); blocks.n_chunks()],
+            candidates: Vec::with_capacity(n_frames),
+            waiting: waiting.collect(),
+            n_measured: 0,
+        }
+    }
+
     /// * `nearest` — of the last query, or none; overwritten
     fn find(
         &mut self,
@@ -83,27 +93,32 @@ impl Pruned {
         k: usize,
         nearest: &mut Vec<Neighbor>,
     ) {
-        let Self { sketch, bounds, candidates, n_measured } = self;
+        let Self { sketch, bounds, candidates, waiting, n_measured } = self;
         let blocks = frames.blocks().expect("frames do not lose their blocks");
+        let finest = blocks.n_levels() - 1;
         sketch.draw(&query[..frames.n_readings()]);
         blocks.coarse_bounds(sketch, bounds);
 
         candidates.clear();
-        candidates.extend(nearest.iter().map(|last| take(bounds, last.frame_index)));
-        nearest.clear();
+        candidates.extend(nearest.drain(..).map(|last| take(bounds, last.frame_index)));
         let worst = candidates.iter().map(|last| last.bound).max_by(f32::total_cmp);
-        take_least(bounds, k, worst.unwrap_or(f32::INFINITY), candidates);
-        let finest = blocks.n_levels() - 1;
-        blocks.refine(finest, sketch, candidates);
-        candidates.sort_unstable_by(by_bound);
-        let n_first = k.next_multiple_of(N_SIDE_BY_SIDE).min(candidates.len());
-        measure(frames, metric, query, candidates.drain(..n_first).as_slice(), k, nearest);
-        *n_measured = n_first;
+        take_least(bounds, n_first(k, finest), worst.unwrap_or(f32::INFINITY), candidates);
+        for (level, waiting) in waiting.iter_mut().enumerate() {
+            blocks.refine(level, sketch, candidates);
+            let n_first = n_first(k, finest - level);
+            part(candidates, n_first);
+            waiting.clear();
+            waiting.extend(candidates.drain(n_first.min(candidates.len())..));
+        }
+        measure(frames, metric, query, candidates, k, nearest);
+        *n_measured = candidates.len();
 
         let squared_limit = nearest[k - 1].squared_distance;
+        candidates.clear();
         take_within(bounds, blocks.limit(0, squared_limit), candidates);
-        for level in 1..=finest {
+        for (level, waiting) in waiting.iter_mut().enumerate() {
             blocks.refine(level, sketch, candidates);
+            candidates.append(waiting);
             let limit = blocks.limit(level, squared_limit);
             candidates.retain(|candidate| candidate.bound <= limit);
         }
@@ -117,6 +132,11 @@ impl Pruned {
     }
 }
 
+/// Of the frames that are measured first, how many are looked at before so many finer levels.
+fn n_first(k: usize, n_finer: usize) -> usize {
+    k.next_multiple_of(N_SIDE_BY_SIDE) << n_finer
+}
+
 fn by_bound(a: &Bounded, b: &Bounded) -> std::cmp::Ordering {
     a.bound.total_cmp(&b.bound)
 }
@@ -127,26 +147,28 @@ fn take(bounds: &mut [Bounds], frame_index: u32) -> Bounded {
     Bounded { bound: std::mem::replace(bound, f32::INFINITY), frame_index }
 }
 
+/// Brings the `n` frames with the least bounds to the front, the `n`-th at its place.
+fn part(frames: &mut [Bounded], n: usize) {
+    if frames.len() > n {
+        frames.select_nth_unstable_by(n - 1, by_bound);
+    }
+}
+
 /// Takes the `n` frames with the least bounds below a limit, or all that there are.
 fn take_least(bounds: &mut [Bounds], n: usize, mut limit: f32, taken: &mut Vec<Bounded>) {
     let n_before = taken.len();
     for (chunk, bounds) in bounds.iter().enumerate() {
-        if !any_below(bounds, limit) {
-            continue;
+        if any_below(bounds, limit) {
+            taken.extend(below(chunk, bounds, limit));
         }
-        for (lane, &bound) in bounds.iter().enumerate() {
-            if bound >= limit {
-                continue;
-            }
-            let nearer = taken[n_before..].iter().rposition(|nearer| nearer.bound <= bound);
-            let place = n_before + nearer.map_or(0, |place| place + 1);
-            taken.insert(place, Bounded { bound, frame_index: (chunk * bounds.len() + lane) as u32 });
+        if taken.len() >= n_before + 2 * n {
+            part(&mut taken[n_before..], n);
             taken.truncate(n_before + n);
-            if taken.len() == n_before + n {
-                limit = taken[n_before + n - 1].bound;
-            }
+            limit = taken[n_before + n - 1].bound;
         }
     }
+    part(&mut taken[n_before..], n);
+    taken.truncate(n_before + n);
     for taken in &taken[n_before..] {
         take(bounds, taken.frame_index);
     }
@@ -154,17 +176,19 @@ fn take_least(bounds: &mut [Bounds], n: usize, mut limit: f32, taken: &mut Vec<B
 
 /// Takes the frames whose bounds are at most a limit.
 fn take_within(bounds: &[Bounds], limit: f32, taken: &mut Vec<Bounded>) {
+    let limit = limit.next_up();
     for (chunk, bounds) in bounds.iter().enumerate() {
-        if any_below(bounds, limit.next_up()) {
-            let lanes = bounds.iter().enumerate().filter(|(_, bound)| **bound <= limit);
-            taken.extend(
-                lanes.map(|(lane, &bound)| Bounded {
-                    bound,
-                    frame_index: (chunk * bounds.len() + lane) as u32,
-                }),
-            );
+        if any_below(bounds, limit) {
+            taken.extend(below(chunk, bounds, limit));
         }
     }
+}
+
+/// Those frames of a chunk whose bounds are below a limit.
+fn below(chunk: usize, bounds: &Bounds, limit: f32) -> impl Iterator<Item = Bounded> {
+    let first = (chunk * bounds.len()) as u32;
+    let of_chunk = (first..).zip(bounds).map(|(frame_index, &bound)| Bounded { bound, frame_index });
+    of_chunk.filter(move |frame| frame.bound < limit)
 }
 
 /// Written without a branch for each, so that all are compared at once.
