@@ -6,9 +6,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use bytes::Bytes;
-use kinds_messages::{Domain, KindReport, Node};
+use kinds_messages::{Domain, KindReport, Node, Waiting};
 use kinds_model::{Classification, Classifier, Command, ModelId, SensorLayout, Status, file};
-use kinds_service::{Classify, Service, Waiting};
+use kinds_service::{Classify, Service};
 
 pub(crate) const REPORT_BYTES: usize = size_of::<KindReport>();
 const FRAME_READINGS_MAX: usize = 19840;
@@ -68,9 +68,9 @@ fn serve_nothing(waiting: Waiting, root: &Path, sensor: &str, layout: SensorLayo
     };
     let node = Node::open(&Domain::in_folder(root), "bench-service").expect("the domain is there");
     let sensor = sensor.parse().expect("the name is as it should be");
-    let service = Service::start(&node, &sensor, Nothing { layout, classification }).expect("a service");
+    let service = Service::start_with(&node, &sensor, Nothing { layout, classification }, waiting);
     println!("ready");
-    service.with_waiting(waiting).run(&AtomicBool::new(false)).expect("serving works");
+    service.expect("a service").run(&AtomicBool::new(false)).expect("serving works");
 }
 
 fn classify(waiting: Waiting, folder: &Path, model: &Path) {

@@ -8,9 +8,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use kinds_messages::{FrameHeader, FramePublisher, Node, OwnDomain, ReportReader, SensorName};
+use kinds_messages::{FrameHeader, FramePublisher, Node, OwnDomain, ReportReader, SensorName, Waiting};
 use kinds_model::SensorLayout;
-use kinds_service::Waiting;
 use tempfile::TempDir;
 
 use crate::child::{REPORT_BYTES, bind, connect};
@@ -19,6 +18,15 @@ use crate::trained::Trained;
 
 /// Whatever has not come by then will not come.
 const DEADLINE: Duration = Duration::from_secs(10);
+
+/// How both ends wait, and where.
+#[derive(Clone, Copy)]
+pub(crate) struct Condition {
+    pub(crate) name: &'static str,
+    pub(crate) waiting: Waiting,
+    /// Of the service; publisher and consumer have the first.
+    pub(crate) processor: usize,
+}
 
 /// A way there and back.
 pub(crate) trait Hop {
@@ -31,11 +39,11 @@ pub(crate) trait Hop {
 struct Other(Child);
 
 impl Other {
-    /// Starts a program on the other processor, and waits for its first line.
-    fn start(command: &mut Command) -> Self {
-        let pinned = processors::there();
+    /// Starts a program on the service's processor, and waits for its first line.
+    fn start(condition: Condition, command: &mut Command) -> Self {
+        let pinned = processors::keep_to(condition.processor);
         let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
-        // It may soon poll there, and let nobody else run.
+        // It may soon poll there.
         drop(pinned);
         let mut child = child.expect("the program starts");
         let mut line = String::new();
@@ -45,8 +53,9 @@ impl Other {
     }
 
     /// Starts this very program as one of its children.
-    fn child(arguments: &[&str]) -> Self {
-        Self::start(Command::new(std::env::current_exe().expect("this program has a path")).args(arguments))
+    fn child(condition: Condition, arguments: &[&str]) -> Self {
+        let program = std::env::current_exe().expect("this program has a path");
+        Self::start(condition, Command::new(program).args(arguments))
     }
 }
 
@@ -61,7 +70,7 @@ pub(crate) struct Channels {
     reader: ReportReader,
     publisher: FramePublisher,
     layout: SensorLayout,
-    waiting: Waiting,
+    condition: Condition,
     other: Option<Other>,
     domain: OwnDomain,
 }
@@ -70,34 +79,36 @@ const SENSOR: &str = "bench/sensor";
 
 impl Channels {
     /// To `kinds serve`.
-    pub(crate) fn to_kinds(trained: &Trained, waiting: Waiting) -> Self {
-        Self::to(trained, waiting, |domain| {
+    pub(crate) fn to_kinds(trained: &Trained, condition: Condition) -> Self {
+        Self::to(trained, condition, |domain| {
             let mut command = Command::new(env!("CARGO_BIN_EXE_kinds"));
             command.arg("serve").arg("--model").arg(trained.file()).args(["--sensor", SENSOR]);
             command.arg("--domain").arg(&domain.root).env("KINDS_LOG", "warn");
-            Other::start(command.args((waiting == Waiting::Polling).then_some("--busy-poll")))
+            let polls = condition.waiting == Waiting::Polling;
+            Other::start(condition, command.args(polls.then_some("--busy-poll")))
         })
     }
 
     /// To a service that answers at once.
-    pub(crate) fn to_nothing(trained: &Trained, waiting: Waiting) -> Self {
+    pub(crate) fn to_nothing(trained: &Trained, condition: Condition) -> Self {
         let SensorLayout { rows, columns, metres_per_count } = trained.model.layout();
-        Self::to(trained, waiting, |domain| {
+        Self::to(trained, condition, |domain| {
             let root = domain.root.to_str().expect("a plain path");
             let layout = [rows.to_string(), columns.to_string(), metres_per_count.to_string()];
-            Other::child(&["nothing", name_of(waiting), root, SENSOR, &layout[0], &layout[1], &layout[2]])
+            let [rows, columns, metres] = &layout;
+            Other::child(condition, &["nothing", name_of(condition.waiting), root, SENSOR, rows, columns, metres])
         })
     }
 
-    fn to(trained: &Trained, waiting: Waiting, start: impl FnOnce(&OwnDomain) -> Other) -> Self {
+    fn to(trained: &Trained, condition: Condition, start: impl FnOnce(&OwnDomain) -> Other) -> Self {
         let layout = trained.model.layout();
         let domain = OwnDomain::make().expect("there is a temporary folder");
         let other = start(&domain);
         let node = Node::open(&domain, "bench").expect("a domain of its own");
         let sensor: SensorName = SENSOR.parse().expect("the name is as it should be");
-        let reader = ReportReader::open(&node, &sensor).expect("a reader");
+        let reader = ReportReader::open_with(&node, &sensor, condition.waiting).expect("a reader");
         let publisher = FramePublisher::create(&node, &sensor, layout.n_readings()).expect("a publisher");
-        Self { reader, publisher, layout, waiting, other: Some(other), domain }
+        Self { reader, publisher, layout, condition, other: Some(other), domain }
     }
 }
 
@@ -113,7 +124,7 @@ impl Hop for Channels {
             match self.reader.receive().expect("receiving works") {
                 Some(report) if report.sequence == sequence && report.run == 1 => return,
                 Some(_) => {}
-                None if self.waiting == Waiting::Polling => std::hint::spin_loop(),
+                None if self.condition.waiting == Waiting::Polling => std::hint::spin_loop(),
                 None => drop(self.reader.wait(DEADLINE).expect("waiting works")),
             }
         }
@@ -139,22 +150,22 @@ pub(crate) struct Socket {
 
 impl Socket {
     /// To a process that classifies.
-    pub(crate) fn to_classifier(trained: &Trained, waiting: Waiting) -> Self {
-        Self::to(waiting, &[trained.file().to_str().expect("a plain path")])
+    pub(crate) fn to_classifier(trained: &Trained, condition: Condition) -> Self {
+        Self::to(condition, &[trained.file().to_str().expect("a plain path")])
     }
 
     /// To a process that answers a byte with a byte.
-    pub(crate) fn of_one_byte(waiting: Waiting) -> Self {
-        Self::to(waiting, &[])
+    pub(crate) fn of_one_byte(condition: Condition) -> Self {
+        Self::to(condition, &[])
     }
 
-    fn to(waiting: Waiting, model: &[&str]) -> Self {
+    fn to(condition: Condition, model: &[&str]) -> Self {
         let folder = tempfile::Builder::new().prefix("k").tempdir().expect("there is a temporary folder");
         let socket = bind(folder.path(), "consumer");
-        let other =
-            Other::child(&[&["socket", name_of(waiting), folder.path().to_str().expect("a plain path")], model].concat());
+        let path = folder.path().to_str().expect("a plain path");
+        let other = Other::child(condition, &[&["socket", name_of(condition.waiting), path], model].concat());
         connect(&socket, folder.path(), "service");
-        socket.set_nonblocking(waiting == Waiting::Polling).expect("a socket can poll");
+        socket.set_nonblocking(condition.waiting == Waiting::Polling).expect("a socket can poll");
         Self { socket, report: [0; REPORT_BYTES], is_one_byte: model.is_empty(), _other: other, _folder: folder }
     }
 }
@@ -188,7 +199,7 @@ impl OneNumber {
         let numbers = Arc::new([Line::default(), Line::default()]);
         let theirs = Arc::clone(&numbers);
         let thread = thread::spawn(move || {
-            let _pinned = processors::there();
+            let _pinned = processors::keep_to(1);
             let [there, back] = &*theirs;
             loop {
                 match there.0.load(Ordering::Acquire) {

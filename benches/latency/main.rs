@@ -29,11 +29,10 @@ mod trained;
 use std::hint::black_box;
 use std::time::Duration;
 
-use kinds_messages::monotonic_ns;
+use kinds_messages::{Waiting, monotonic_ns};
 use kinds_model::Classifier;
-use kinds_service::Waiting;
 
-use crate::hop::{Channels, Hop, OneNumber, Socket};
+use crate::hop::{Channels, Condition, Hop, OneNumber, Socket};
 use crate::trained::{ROBOTS, Trained};
 
 /// Frames of a round that are measured, after those that warm up.
@@ -44,6 +43,12 @@ const PAUSE: Duration = Duration::from_millis(100);
 const PERIOD: Duration = Duration::from_millis(1);
 /// Before a frame is due, when this process stops sleeping and looks at the clock.
 const AWAKE: Duration = Duration::from_micros(250);
+
+const CONDITIONS: [Condition; 3] = [
+    Condition { name: "by event, on one processor", waiting: Waiting::ByEvent, processor: 0 },
+    Condition { name: "by event, on two processors", waiting: Waiting::ByEvent, processor: 1 },
+    Condition { name: "polling, on two processors", waiting: Waiting::Polling, processor: 1 },
+];
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -62,21 +67,14 @@ fn main() {
         if processors::ask_for_priority() { "yes" } else { "no" },
         n_rounds * N_MEASURED,
     );
-    let _pinned = processors::here();
+    let _pinned = processors::keep_to(0);
     for trained in &all {
         let alone = classify_alone(trained);
         let paced = classify_paced(trained);
-        for waiting in [Waiting::ByEvent, Waiting::Polling] {
-            println!(
-                "\n{}, {n_frames} reference frames, {}; classifying alone: p50 {alone:.2}, at the bench's pace {paced:.2}",
-                trained.name,
-                match waiting {
-                    Waiting::ByEvent => "by event",
-                    Waiting::Polling => "polling",
-                },
-            );
-            println!("  way                  p50    (least … greatest)      p99    p99.9   beyond, p50");
-            table(trained, waiting, alone, n_rounds);
+        println!("\n{}, {n_frames} reference frames; classifying alone: p50 {alone:.2}, at the bench's pace {paced:.2}", trained.name);
+        for condition in CONDITIONS {
+            println!("{:36} p50    (least … greatest)      p99    p99.9   beyond, p50", condition.name);
+            table(trained, condition, alone, n_rounds);
         }
     }
 }
@@ -86,16 +84,16 @@ fn asked(variable: &str) -> Option<usize> {
 }
 
 /// Measures all ways, which take turns, and prints a line for each.
-fn table(trained: &Trained, waiting: Waiting, alone: f64, n_rounds: usize) {
+fn table(trained: &Trained, condition: Condition, alone: f64, n_rounds: usize) {
     type Begin<'a> = Box<dyn Fn() -> Box<dyn Hop + 'a> + 'a>;
-    let one: Begin = match waiting {
-        Waiting::ByEvent => Box::new(|| Box::new(Socket::of_one_byte(waiting))),
+    let one: Begin = match condition.waiting {
+        Waiting::ByEvent => Box::new(|| Box::new(Socket::of_one_byte(condition))),
         Waiting::Polling => Box::new(|| Box::new(OneNumber::begin())),
     };
     let ways: [(&str, f64, Begin); 4] = [
-        ("kinds serve", alone, Box::new(|| Box::new(Channels::to_kinds(trained, waiting)))),
-        ("socket", alone, Box::new(|| Box::new(Socket::to_classifier(trained, waiting)))),
-        ("channels alone", 0.0, Box::new(|| Box::new(Channels::to_nothing(trained, waiting)))),
+        ("kinds serve", alone, Box::new(|| Box::new(Channels::to_kinds(trained, condition)))),
+        ("socket", alone, Box::new(|| Box::new(Socket::to_classifier(trained, condition)))),
+        ("channels alone", 0.0, Box::new(|| Box::new(Channels::to_nothing(trained, condition)))),
         ("one byte", 0.0, one),
     ];
     let mut rounds = [const { Vec::new() }; 4];
@@ -111,7 +109,7 @@ fn table(trained: &Trained, waiting: Waiting, alone: f64, n_rounds: usize) {
         let pooled = rounds.concat();
         let p50 = medians[n_rounds / 2];
         println!(
-            "  {name:14} {p50:9.2}  ({:8.2} … {:8.2}) {:8.1} {:8.1} {:13.2}",
+            "  {name:29} {p50:9.2}  ({:8.2} … {:8.2}) {:8.1} {:8.1} {:13.2}",
             medians[0],
             medians[n_rounds - 1],
             quantile(&pooled, 0.99),

@@ -1,4 +1,4 @@
-//! Which processor runs what, this process the first, the others the second, and before whom.
+//! Which processor runs what, and before whom.
 
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
@@ -10,18 +10,8 @@ pub(crate) struct Pinned {
     before: CpuSet,
 }
 
-/// To the processor of publisher and consumer.
-pub(crate) fn here() -> Pinned {
-    to(0)
-}
-
-/// To the processor of the service: for starting it.
-pub(crate) fn there() -> Pinned {
-    to(1)
-}
-
-/// To the n-th processor that this program may run on, or to the last where there are fewer.
-fn to(n: usize) -> Pinned {
+/// Keeps this thread to the n-th processor that this program may run on, or to the last where there are fewer.
+pub(crate) fn keep_to(n: usize) -> Pinned {
     static ALLOWED: OnceLock<Vec<usize>> = OnceLock::new();
     let before = sched_getaffinity(None).expect("the system says where a thread may run");
     let allowed = ALLOWED.get_or_init(|| (0..CpuSet::MAX_CPU).filter(|&cpu| before.is_set(cpu)).collect());

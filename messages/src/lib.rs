@@ -50,7 +50,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 
-pub use channel::{FRAME_BUFFER, MAX_FRAME_READERS, MAX_REPORT_READERS, REPORT_BUFFER, WakeUp};
+pub use channel::{FRAME_BUFFER, MAX_FRAME_READERS, MAX_REPORT_READERS, REPORT_BUFFER, Waiting, WakeUp};
 pub use clock::{monotonic_ns, ns_since_epoch};
 pub use domain::{Domain, DomainError};
 pub use error::ChannelError;

@@ -17,7 +17,7 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ipc};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use crate::channel::{Channel, Purpose, WakeUp, notify, patiently, wait};
+use crate::channel::{Channel, Purpose, Waiting, WakeUp, notify, patiently, wait};
 use crate::error::Obstacle;
 use crate::memory::{check_free, reports_memory_bytes};
 use crate::{ChannelError, KindReport, Node, SensorName, monotonic_ns};
@@ -113,7 +113,8 @@ struct ReaderSet(u128);
 #[derive(Debug)]
 pub struct ReportReader {
     subscriber: Subscriber<ipc::Service, KindReport, ()>,
-    listener: Listener<ipc::Service>,
+    /// None of a reader that polls.
+    listener: Option<Listener<ipc::Service>>,
     reports: Reports,
     channel: Channel,
 }
@@ -121,23 +122,25 @@ pub struct ReportReader {
 impl ReportReader {
     /// Opens the channel, whether or not a service is there.
     pub fn open(node: &Node, sensor: &SensorName) -> Result<Self, ChannelError> {
-        let channel = Channel::new(node, sensor, Purpose::Kinds);
-        patiently(node, || Self::try_open(node, &channel))
+        Self::open_with(node, sensor, Waiting::ByEvent)
     }
 
-    fn try_open(node: &Node, channel: &Channel) -> Result<Self, Obstacle> {
+    /// The same for a reader that may look for messages in another way than by event.
+    pub fn open_with(node: &Node, sensor: &SensorName, waiting: Waiting) -> Result<Self, ChannelError> {
+        let channel = Channel::new(node, sensor, Purpose::Kinds);
+        patiently(node, || Self::try_open(node, &channel, waiting))
+    }
+
+    fn try_open(node: &Node, channel: &Channel, waiting: Waiting) -> Result<Self, Obstacle> {
         let reports = open_reports(node, channel)?;
         // First the listener: whatever the subscriber gets, an event tells of it.
-        let listener = channel.listener(node)?;
+        let listener = channel.listener(node, waiting)?;
         let subscriber =
             reports.subscriber_builder().create().map_err(|error| Obstacle::subscriber(error, channel))?;
         Ok(Self { subscriber, listener, reports, channel: channel.clone() })
     }
 
     /// The oldest report that waits, if any: a copy, so that a reader holds no slot.
-    ///
-    /// May be called again and again instead of [waiting](Self::wait), which costs one core and spares the wake-up. Then wait
-    /// for a time of zero now and then, every 50 ms say: events that nobody takes would fill their queue.
     pub fn receive(&self) -> Result<Option<KindReport>, ChannelError> {
         let slot = self.subscriber.receive().map_err(|error| match error {
             ReceiveError::ExceedsMaxBorrows => {
@@ -156,11 +159,12 @@ impl ReportReader {
         Ok(Some(report))
     }
 
-    /// Waits until reports may be there, at most for `timeout`. Take all of them before waiting again.
+    /// Waits until reports may be there, at most for `timeout`. Take all of them before waiting again. A reader
+    /// that polls is woken by nobody: it waits all that time.
     ///
     /// A joiner's last report comes with the service's next tick.
     pub fn wait(&self, timeout: Duration) -> Result<WakeUp, ChannelError> {
-        wait(&self.listener, timeout, &self.channel)
+        wait(self.listener.as_ref(), timeout, &self.channel)
     }
 
     /// Which service is there, if any, or was killed and not yet cleaned up. Another one has another identity.

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use kinds_messages::Node;
+use kinds_messages::{Node, Waiting};
 use kinds_model::Classifier;
-use kinds_service::{Service, Waiting};
+use kinds_service::Service;
 
 use crate::cli::ServeArguments;
 use crate::failure::Failure;
@@ -18,8 +18,7 @@ pub(crate) fn run(arguments: &ServeArguments) -> Result<(), Failure> {
     let node = Node::open(&domain, "kinds-serve")?;
     let sensor = &arguments.sensor;
     let waiting = if arguments.busy_poll { Waiting::Polling } else { Waiting::ByEvent };
-    let service = Service::start(&node, sensor, Classifier::new(Arc::clone(&model)))?;
-    let mut service = service.with_waiting(waiting);
+    let mut service = Service::start_with(&node, sensor, Classifier::new(Arc::clone(&model)), waiting)?;
     mention(format!(
         "serving {sensor}: {} kinds of {}, model {}",
         model.mixture().n_kinds(),
