@@ -26,7 +26,9 @@ pub(crate) fn run_if_one(arguments: &[String]) -> bool {
             serve_nothing(waiting_of(waiting), Path::new(root), sensor, layout);
         }
         ["socket", waiting, folder] => echo(waiting_of(waiting), Path::new(folder)),
-        ["socket", waiting, folder, model] => classify(waiting_of(waiting), Path::new(folder), Path::new(model)),
+        ["socket", waiting, folder, model] => {
+            classify(waiting_of(waiting), Path::new(folder), Path::new(model))
+        }
         _ => return false,
     }
     true

@@ -96,7 +96,10 @@ impl Channels {
             let root = domain.root.to_str().expect("a plain path");
             let layout = [rows.to_string(), columns.to_string(), metres_per_count.to_string()];
             let [rows, columns, metres] = &layout;
-            Other::child(condition, &["nothing", name_of(condition.waiting), root, SENSOR, rows, columns, metres])
+            Other::child(
+                condition,
+                &["nothing", name_of(condition.waiting), root, SENSOR, rows, columns, metres],
+            )
         })
     }
 
@@ -115,7 +118,8 @@ impl Channels {
 impl Hop for Channels {
     fn there_and_back(&mut self, sequence: u64, counts: &[u16], until_due: &mut dyn FnMut()) {
         let SensorLayout { rows, columns, metres_per_count } = self.layout;
-        let header = FrameHeader { run: 1, sequence, rows, columns, metres_per_count, ..FrameHeader::default() };
+        let header =
+            FrameHeader { run: 1, sequence, rows, columns, metres_per_count, ..FrameHeader::default() };
         let mut loan = self.publisher.loan().expect("one loan at a time");
         loan.counts_mut().copy_from_slice(counts);
         until_due();
@@ -166,7 +170,13 @@ impl Socket {
         let other = Other::child(condition, &[&["socket", name_of(condition.waiting), path], model].concat());
         connect(&socket, folder.path(), "service");
         socket.set_nonblocking(condition.waiting == Waiting::Polling).expect("a socket can poll");
-        Self { socket, report: [0; REPORT_BYTES], is_one_byte: model.is_empty(), _other: other, _folder: folder }
+        Self {
+            socket,
+            report: [0; REPORT_BYTES],
+            is_one_byte: model.is_empty(),
+            _other: other,
+            _folder: folder,
+        }
     }
 }
 

@@ -71,7 +71,10 @@ fn main() {
     for trained in &all {
         let alone = classify_alone(trained);
         let paced = classify_paced(trained);
-        println!("\n{}, {n_frames} reference frames; classifying alone: p50 {alone:.2}, at the bench's pace {paced:.2}", trained.name);
+        println!(
+            "\n{}, {n_frames} reference frames; classifying alone: p50 {alone:.2}, at the bench's pace {paced:.2}",
+            trained.name
+        );
         for condition in CONDITIONS {
             println!("{:36} p50    (least … greatest)      p99    p99.9   beyond, p50", condition.name);
             table(trained, condition, alone, n_rounds);

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot};
 use kinds_model::{
-    EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale, SensorLayout, file,
-    fit,
+    EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale,
+    SensorLayout, file, fit,
 };
 use tempfile::TempDir;
 
@@ -72,7 +72,8 @@ impl Trained {
         let model = fit(counts, &plan, Origin::default(), &mut |_, _, _| ());
         let model = Arc::new(model.expect("a simulated trip makes a model"));
         let folder = tempfile::Builder::new().prefix("k").tempdir().expect("there is a temporary folder");
-        std::fs::write(model_in(folder.path()), file::to_bytes(&model)).expect("a model can be written there");
+        std::fs::write(model_in(folder.path()), file::to_bytes(&model))
+            .expect("a model can be written there");
         let queries = frames([(setting.drive)(TRIP_CLASSIFIED)], N_QUERIES);
         Self { name: setting.name, model, queries, folder }
     }

@@ -16,7 +16,7 @@ use crate::sequence::{Place, Sequence};
 // Whatever a model says fits in a report.
 const _: () = assert!(N_KINDS_MAX <= MAX_KINDS && N_DIMS_MAX <= MAX_DIMS);
 
-/// Longest time between two looks at the stop flag and at late joiners.
+/// Longest time between two looks at the stop flag, and shortest between two at who has come and gone: frames do not pay for it.
 const TICK: Duration = Duration::from_millis(50);
 /// Polls between two looks at the clock, so that a poll does not pay for what is done once a tick.
 const POLLS_PER_LOOK: u32 = 256;
@@ -114,7 +114,7 @@ impl<C: Classify> Service<C> {
         }
         let mut last_clean_up = Instant::now();
         let mut last_tick = last_clean_up;
-        let mut n_polls = 0_u32;
+        let mut n_turns = 0_u32;
         loop {
             // Read before serving: frames that were sent before the flag was set are served.
             let stopping = stop.load(Ordering::Relaxed);
@@ -122,22 +122,23 @@ impl<C: Classify> Service<C> {
             if stopping {
                 return Ok(self.summary);
             }
-            if self.waiting == Waiting::Polling {
-                n_polls = n_polls.wrapping_add(1);
-                if !n_polls.is_multiple_of(POLLS_PER_LOOK) || last_tick.elapsed() < TICK {
-                    std::hint::spin_loop();
-                    continue;
-                }
+            n_turns = n_turns.wrapping_add(1);
+            let looks = self.waiting == Waiting::ByEvent || n_turns.is_multiple_of(POLLS_PER_LOOK);
+            if looks && last_tick.elapsed() >= TICK {
                 last_tick = Instant::now();
+                if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
+                    self.node.clean_up_dead_nodes();
+                    last_clean_up = Instant::now();
+                }
+                self.reports.update()?;
+                self.look_for_shim();
             }
-            if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
-                self.node.clean_up_dead_nodes();
-                last_clean_up = Instant::now();
-            }
-            self.reports.update()?;
-            self.look_for_shim();
-            if self.waiting == Waiting::ByEvent && n_served < FRAME_BUFFER {
-                self.frames.wait(TICK)?;
+            match self.waiting {
+                Waiting::Polling => std::hint::spin_loop(),
+                Waiting::ByEvent if n_served < FRAME_BUFFER => {
+                    self.frames.wait(TICK.saturating_sub(last_tick.elapsed()))?;
+                }
+                Waiting::ByEvent => {}
             }
         }
     }
