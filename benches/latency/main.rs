@@ -2,11 +2,12 @@
 //!
 //! `cargo bench --bench latency`, on frames of the simulated robots: Crunch's ring of 16 readings and Chew's camera of 19840.
 //! Minutes, of which most is driving and learning; `KINDS_BENCH_FRAMES=500` learns from fewer frames than 2000,
-//! `KINDS_BENCH_ROUNDS=3` measures fewer rounds than 11.
+//! `KINDS_BENCH_ROUNDS=3` measures fewer rounds than 11, `KINDS_BENCH_PERIOD_US=100` sends frames ten times as often.
 //!
-//! Two processes on two processors, each kept to its own. This one publishes a frame when it is due, which it knows by looking
-//! at the clock all the time, and then is the consumer: it waits for the report, by event or by polling, as the service waits
-//! for frames. The other one is `kinds serve` itself, or what it is compared with:
+//! Two processes, each kept to one processor. This one publishes a frame when it is due, for which it looks at the clock all
+//! the time, and then is the consumer: it waits for the report as the service waits for frames, by event or by polling. By
+//! event the service is on the same processor or on another; who polls has a processor of its own. The service is `kinds
+//! serve` itself, or what it is compared with:
 //!
 //! - *socket*: a process that gets the frame's counts as one datagram, classifies with the same model, and answers with as
 //!   many bytes as a report has; the ordinary way;
@@ -40,7 +41,6 @@ const N_MEASURED: usize = 600;
 const N_WARM_UP: usize = 50;
 /// Before a round: others that want the processors get them.
 const PAUSE: Duration = Duration::from_millis(100);
-const PERIOD: Duration = Duration::from_millis(1);
 /// Before a frame is due, when this process stops sleeping and looks at the clock.
 const AWAKE: Duration = Duration::from_micros(250);
 
@@ -57,29 +57,36 @@ fn main() {
     }
     let n_frames = asked("KINDS_BENCH_FRAMES").unwrap_or(2000);
     let n_rounds = asked("KINDS_BENCH_ROUNDS").unwrap_or(11);
+    let period = Duration::from_micros(asked("KINDS_BENCH_PERIOD_US").unwrap_or(1000) as u64);
     // All that is learnt first: it would keep others off the processors for long.
     let all = ROBOTS.map(|robot| Trained::on(robot, n_frames));
     println!(
-        "from when a frame is due to its report in a consumer's hands, µs; a frame every {} ms; real-time priority: {}\n\
+        "from when a frame is due to its report in a consumer's hands, µs; a frame every {} µs; real-time priority: {}\n\
          p50: the median of {n_rounds} rounds, with the least and the greatest; others: of all {} frames\n\
          beyond: less the p50 of classifying alone, back to back in one process",
-        PERIOD.as_millis(),
+        period.as_micros(),
         if processors::ask_for_priority() { "yes" } else { "no" },
         n_rounds * N_MEASURED,
     );
     let _pinned = processors::keep_to(0);
     for trained in &all {
         let alone = classify_alone(trained);
-        let paced = classify_paced(trained);
+        let paced = classify_paced(trained, period);
         println!(
             "\n{}, {n_frames} reference frames; classifying alone: p50 {alone:.2}, at the bench's pace {paced:.2}",
             trained.name
         );
         for condition in CONDITIONS {
             println!("{:36} p50    (least … greatest)      p99    p99.9   beyond, p50", condition.name);
-            table(trained, condition, alone, n_rounds);
+            table(trained, condition, alone, &Rounds { n: n_rounds, period });
         }
     }
+}
+
+/// How often is measured, and how often a frame is due.
+struct Rounds {
+    n: usize,
+    period: Duration,
 }
 
 fn asked(variable: &str) -> Option<usize> {
@@ -87,7 +94,7 @@ fn asked(variable: &str) -> Option<usize> {
 }
 
 /// Measures all ways, which take turns, and prints a line for each.
-fn table(trained: &Trained, condition: Condition, alone: f64, n_rounds: usize) {
+fn table(trained: &Trained, condition: Condition, alone: f64, asked: &Rounds) {
     type Begin<'a> = Box<dyn Fn() -> Box<dyn Hop + 'a> + 'a>;
     let one: Begin = match condition.waiting {
         Waiting::ByEvent => Box::new(|| Box::new(Socket::of_one_byte(condition))),
@@ -100,21 +107,21 @@ fn table(trained: &Trained, condition: Condition, alone: f64, n_rounds: usize) {
         ("one byte", 0.0, one),
     ];
     let mut rounds = [const { Vec::new() }; 4];
-    for _ in 0..n_rounds {
+    for _ in 0..asked.n {
         for ((_, _, begin), rounds) in ways.iter().zip(&mut rounds) {
             std::thread::sleep(PAUSE);
-            rounds.push(measure(&mut *begin(), &trained.queries));
+            rounds.push(measure(&mut *begin(), &trained.queries, asked.period));
         }
     }
     for ((name, without, _), rounds) in ways.iter().zip(&rounds) {
         let mut medians: Vec<f64> = rounds.iter().map(|round| quantile(round, 0.5)).collect();
         medians.sort_by(f64::total_cmp);
         let pooled = rounds.concat();
-        let p50 = medians[n_rounds / 2];
+        let p50 = medians[asked.n / 2];
         println!(
             "  {name:29} {p50:9.2}  ({:8.2} … {:8.2}) {:8.1} {:8.1} {:13.2}",
             medians[0],
-            medians[n_rounds - 1],
+            medians[asked.n - 1],
             quantile(&pooled, 0.99),
             quantile(&pooled, 0.999),
             p50 - without,
@@ -123,8 +130,8 @@ fn table(trained: &Trained, condition: Condition, alone: f64, n_rounds: usize) {
 }
 
 /// Latencies from when each frame was due, µs.
-fn measure(hop: &mut dyn Hop, queries: &[Vec<u16>]) -> Vec<f64> {
-    let period_ns = PERIOD.as_nanos() as u64;
+fn measure(hop: &mut dyn Hop, queries: &[Vec<u16>], period: Duration) -> Vec<f64> {
+    let period_ns = period.as_nanos() as u64;
     let start_ns = monotonic_ns() + period_ns;
     let mut latencies = Vec::with_capacity(N_MEASURED);
     for index in 0..N_WARM_UP + N_MEASURED {
@@ -158,7 +165,7 @@ fn classify_alone(trained: &Trained) -> f64 {
 }
 
 /// The same with the bench's pause between frames.
-fn classify_paced(trained: &Trained) -> f64 {
+fn classify_paced(trained: &Trained, period: Duration) -> f64 {
     let mut classifier = Classifier::new(trained.model.clone());
     struct Alone<'a>(&'a mut Classifier);
     impl Hop for Alone<'_> {
@@ -167,7 +174,7 @@ fn classify_paced(trained: &Trained) -> f64 {
             black_box(self.0.classify(counts));
         }
     }
-    quantile(&measure(&mut Alone(&mut classifier), &trained.queries), 0.5)
+    quantile(&measure(&mut Alone(&mut classifier), &trained.queries, period), 0.5)
 }
 
 fn quantile(values: &[f64], share: f64) -> f64 {
