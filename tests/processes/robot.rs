@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::{ChildStdout, Command, Stdio};
 
 use kinds_messages::{Domain, FrameReader, Node, OwnDomain};
-use rustix::thread::{Capability, remove_capability_from_bounding_set};
+use rustix::thread::{CapabilitySet, remove_capability_from_bounding_set};
 
 use crate::consumer::Consumer;
 use crate::running::{Outcome, Running};
@@ -109,18 +109,18 @@ impl Robot {
         Running::start(&mut self.command(arguments))
     }
 
-    /// Starts a program that may lock as much memory (kB, or `unlimited`), and has no right to more.
+    /// Starts a program that may lock no more than this much memory, kB.
     pub(crate) fn start_limited(&self, lockable: &str, arguments: &[&str]) -> Running {
         let mut command = self.command_of(
             "sh",
             &[&["-c", "ulimit -l $0 && exec \"$@\"", lockable, env!("CARGO_BIN_EXE_kinds")], arguments]
                 .concat(),
         );
-        // Rights beyond a limit are the thread's, and what it starts has no more of them. Without that of taking them away it
-        // is nobody's who has them.
+        // The right to exceed limits is a thread's, and those that it starts have it only if it does. Who may not give it up
+        // has not got it.
         std::thread::scope(|scope| {
             let started = scope.spawn(|| {
-                let _ = remove_capability_from_bounding_set(Capability::IPCLock);
+                let _ = remove_capability_from_bounding_set(CapabilitySet::IPC_LOCK);
                 Running::start(&mut command)
             });
             started.join().unwrap()
