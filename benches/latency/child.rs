@@ -27,7 +27,7 @@ pub(crate) fn run_if_one(arguments: &[String]) -> bool {
         }
         ["socket", waiting, folder] => echo(waiting_of(waiting), Path::new(folder)),
         ["socket", waiting, folder, model] => {
-            classify(waiting_of(waiting), Path::new(folder), Path::new(model))
+            classify(waiting_of(waiting), Path::new(folder), Path::new(model));
         }
         _ => return false,
     }
