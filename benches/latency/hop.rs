@@ -3,8 +3,8 @@
 use std::io::{BufRead, BufReader};
 use std::os::unix::net::UnixDatagram;
 use std::process::{Child, Command, Stdio};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, mpsc};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -208,8 +208,10 @@ impl OneNumber {
     pub(crate) fn begin() -> Self {
         let numbers = Arc::new([Line::default(), Line::default()]);
         let theirs = Arc::clone(&numbers);
+        let (is_there, await_there) = mpsc::channel();
         let thread = thread::spawn(move || {
             let _pinned = processors::keep_to(1);
+            is_there.send(()).expect("it is waited for");
             let [there, back] = &*theirs;
             loop {
                 match there.0.load(Ordering::Acquire) {
@@ -219,6 +221,7 @@ impl OneNumber {
                 std::hint::spin_loop();
             }
         });
+        await_there.recv().expect("the thread keeps to a processor");
         Self { numbers, thread: Some(thread) }
     }
 }
