@@ -10,6 +10,7 @@ mod cli;
 mod commands;
 mod csv;
 mod failure;
+mod locked_memory;
 mod model_file;
 mod owner;
 mod progress;

@@ -37,6 +37,17 @@ pub enum WakeUp {
     Interrupted,
 }
 
+/// How a reader comes to look for messages.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Waiting {
+    /// Asleep until the publisher wakes it.
+    #[default]
+    ByEvent,
+    /// Awake, looking again and again: spares the wake-up on one end and the call for it on the other, and costs one processor
+    /// core, all the time.
+    Polling,
+}
+
 /// What a channel carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
@@ -117,10 +128,19 @@ impl Channel {
         Ok(notifier)
     }
 
-    /// Opens a reader's end of the channel's events.
-    pub(crate) fn listener(&self, node: &Node) -> Result<Listener<ipc::Service>, Obstacle> {
-        let listener = self.events(node)?.listener_builder().create();
-        listener.map_err(|error| Obstacle::listener(error, self))
+    /// Opens a reader's end of the channel's events, unless it polls: a publisher need not wake whom it finds awake.
+    pub(crate) fn listener(
+        &self,
+        node: &Node,
+        waiting: Waiting,
+    ) -> Result<Option<Listener<ipc::Service>>, Obstacle> {
+        match waiting {
+            Waiting::Polling => Ok(None),
+            Waiting::ByEvent => {
+                let listener = self.events(node)?.listener_builder().create();
+                listener.map(Some).map_err(|error| Obstacle::listener(error, self))
+            }
+        }
     }
 
     /// Opens or makes the channel's events, by which readers are woken.
@@ -158,12 +178,16 @@ pub(crate) fn patiently<T>(
     }
 }
 
-/// Waits for an event of the channel.
+/// Waits for an event of the channel, or where nobody listens for the time to pass.
 pub(crate) fn wait(
-    listener: &Listener<ipc::Service>,
+    listener: Option<&Listener<ipc::Service>>,
     timeout: Duration,
     channel: &Channel,
 ) -> Result<WakeUp, ChannelError> {
+    let Some(listener) = listener else {
+        std::thread::sleep(timeout);
+        return Ok(WakeUp::Timeout);
+    };
     // A timeout that rounds to 0 µs would be taken for "for ever".
     let woken = if timeout < Duration::from_micros(1) {
         listener.try_wait(|_| {})

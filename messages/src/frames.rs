@@ -21,7 +21,7 @@ use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use crate::channel::{Channel, Purpose, WakeUp, notify, patiently, wait};
+use crate::channel::{Channel, Purpose, Waiting, WakeUp, notify, patiently, wait};
 use crate::error::Obstacle;
 use crate::memory::{check_free, frames_memory_bytes};
 use crate::{ChannelError, FrameHeader, Node, SensorName, monotonic_ns};
@@ -116,7 +116,8 @@ impl FrameLoan<'_> {
 #[derive(Debug)]
 pub struct FrameReader {
     subscriber: Subscriber<ipc::Service, [u16], FrameHeader>,
-    listener: Listener<ipc::Service>,
+    /// None of a reader that polls.
+    listener: Option<Listener<ipc::Service>>,
     frames: Frames,
     channel: Channel,
 }
@@ -124,14 +125,19 @@ pub struct FrameReader {
 impl FrameReader {
     /// Opens the channel, whether or not a driver shim is there.
     pub fn open(node: &Node, sensor: &SensorName) -> Result<Self, ChannelError> {
-        let channel = Channel::new(node, sensor, Purpose::Frames);
-        patiently(node, || Self::try_open(node, &channel))
+        Self::open_with(node, sensor, Waiting::ByEvent)
     }
 
-    fn try_open(node: &Node, channel: &Channel) -> Result<Self, Obstacle> {
+    /// The same for a reader that may look for messages in another way than by event.
+    pub fn open_with(node: &Node, sensor: &SensorName, waiting: Waiting) -> Result<Self, ChannelError> {
+        let channel = Channel::new(node, sensor, Purpose::Frames);
+        patiently(node, || Self::try_open(node, &channel, waiting))
+    }
+
+    fn try_open(node: &Node, channel: &Channel, waiting: Waiting) -> Result<Self, Obstacle> {
         let frames = open_frames(node, channel)?;
         // First the listener: whatever the subscriber gets, an event tells of it.
-        let listener = channel.listener(node)?;
+        let listener = channel.listener(node, waiting)?;
         let subscriber =
             frames.subscriber_builder().create().map_err(|error| Obstacle::subscriber(error, channel))?;
         Ok(Self { subscriber, listener, frames, channel: channel.clone() })
@@ -149,9 +155,10 @@ impl FrameReader {
         }
     }
 
-    /// Waits until frames may be there, at most for `timeout`. Take all of them before waiting again.
+    /// Waits until frames may be there, at most for `timeout`. Take all of them before waiting again. A reader
+    /// that polls is woken by nobody: it waits all that time.
     pub fn wait(&self, timeout: Duration) -> Result<WakeUp, ChannelError> {
-        wait(&self.listener, timeout, &self.channel)
+        wait(self.listener.as_ref(), timeout, &self.channel)
     }
 
     /// Whether a driver shim is there, or was killed and not yet cleaned up.

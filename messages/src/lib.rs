@@ -10,7 +10,8 @@
 //!
 //! Either end may come first, leave, be killed and come back. Each channel has one publisher at a time; publishing never
 //! waits for a reader: one that is slow loses its oldest messages first, and can tell how many by their sequence.
-//! After opening, iceoryx2's loan is the only allocation that sending makes (one of 48 bytes), and receiving makes none.
+//! After opening, waiting and receiving allocate nothing. Sending does once: iceoryx2 keeps 48 bytes for a loan, whichever
+//! way it is asked for, until that is sent. A report's is lent ahead, so that nothing is allocated before it is sent.
 //!
 //! This crate knows no mathematics, and is the only one of the project that knows iceoryx2. Errors are sentences
 //! ([`ChannelError`]); the transport's own words for them are logged through `tracing`, at level debug.
@@ -50,7 +51,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 
-pub use channel::{FRAME_BUFFER, MAX_FRAME_READERS, MAX_REPORT_READERS, REPORT_BUFFER, WakeUp};
+pub use channel::{FRAME_BUFFER, MAX_FRAME_READERS, MAX_REPORT_READERS, REPORT_BUFFER, Waiting, WakeUp};
 pub use clock::{monotonic_ns, ns_since_epoch};
 pub use domain::{Domain, DomainError};
 pub use error::ChannelError;

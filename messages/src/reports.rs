@@ -4,7 +4,9 @@
 //! A late joiner gets the last report. A slow reader finds at most the last [`REPORT_BUFFER`](crate::REPORT_BUFFER),
 //! and gaps in their sequence.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
+use std::fmt;
+use std::mem::MaybeUninit;
 use std::time::Duration;
 
 use iceoryx2::identifiers::UniquePublisherId;
@@ -15,20 +17,23 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ipc};
+use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use crate::channel::{Channel, Purpose, WakeUp, notify, patiently, wait};
+use crate::channel::{Channel, Purpose, Waiting, WakeUp, notify, patiently, wait};
 use crate::error::Obstacle;
 use crate::memory::{check_free, reports_memory_bytes};
 use crate::{ChannelError, KindReport, Node, SensorName, monotonic_ns};
 
 type Reports = PortFactory<ipc::Service, KindReport, ()>;
+type Slot = SampleMutUninit<ipc::Service, MaybeUninit<KindReport>, ()>;
 
 /// The service's end: the only one at a time.
-#[derive(Debug)]
 pub struct ReportPublisher {
     // Dropped in this order: the place of the publisher is the last to become free.
     notifier: Notifier<ipc::Service>,
+    /// Lent for the next report when the last one is on its way, since the transport allocates for a loan.
+    next: RefCell<Option<Slot>>,
     publisher: Publisher<ipc::Service, KindReport, ()>,
     reports: Reports,
     channel: Channel,
@@ -59,21 +64,31 @@ impl ReportPublisher {
             .create()
             .map_err(|error| Obstacle::publisher(error, channel))?;
         let notifier = channel.notifier(node)?;
-        Ok(Self { notifier, publisher, reports, channel: channel.clone(), readers: Cell::default() })
+        let next = RefCell::new(publisher.loan_uninit().ok());
+        Ok(Self { notifier, next, publisher, reports, channel: channel.clone(), readers: Cell::default() })
     }
 
     /// Sends a report, with the time of sending, and wakes the readers. Never waits for one.
+    ///
+    /// Allocates nothing before the report is sent. Then the transport takes 48 bytes for the loan of the next one, as many
+    /// as it has freed.
     pub fn send(&self, report: &KindReport) -> Result<(), ChannelError> {
-        let slot = self
-            .publisher
-            .loan_uninit()
-            .map_err(|error| ChannelError::transport("lend a report of", &self.channel, error))?;
+        // None where lending failed the last time.
+        let slot = match self.next.take() {
+            Some(slot) => slot,
+            None => self
+                .publisher
+                .loan_uninit()
+                .map_err(|error| ChannelError::transport("lend a report of", &self.channel, error))?,
+        };
         let mut sent = *report;
         sent.reported_monotonic_ns = monotonic_ns();
         slot.write_payload(sent)
             .send()
             .map_err(|error| ChannelError::transport("send a report on", &self.channel, error))?;
-        notify(&self.notifier, &self.channel)
+        let notified = notify(&self.notifier, &self.channel);
+        self.next.replace(self.publisher.loan_uninit().ok());
+        notified
     }
 
     /// Gives readers that came since the last report that report, and wakes them. Call it once per tick, for when none
@@ -105,6 +120,12 @@ impl ReportPublisher {
     }
 }
 
+impl fmt::Debug for ReportPublisher {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ReportPublisher").field("channel", &self.channel).finish_non_exhaustive()
+    }
+}
+
 /// Who reads, as the exclusive or of their identities: enough to notice that it is not the same readers as before.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct ReaderSet(u128);
@@ -113,7 +134,8 @@ struct ReaderSet(u128);
 #[derive(Debug)]
 pub struct ReportReader {
     subscriber: Subscriber<ipc::Service, KindReport, ()>,
-    listener: Listener<ipc::Service>,
+    /// None of a reader that polls.
+    listener: Option<Listener<ipc::Service>>,
     reports: Reports,
     channel: Channel,
 }
@@ -121,23 +143,25 @@ pub struct ReportReader {
 impl ReportReader {
     /// Opens the channel, whether or not a service is there.
     pub fn open(node: &Node, sensor: &SensorName) -> Result<Self, ChannelError> {
-        let channel = Channel::new(node, sensor, Purpose::Kinds);
-        patiently(node, || Self::try_open(node, &channel))
+        Self::open_with(node, sensor, Waiting::ByEvent)
     }
 
-    fn try_open(node: &Node, channel: &Channel) -> Result<Self, Obstacle> {
+    /// The same for a reader that may look for messages in another way than by event.
+    pub fn open_with(node: &Node, sensor: &SensorName, waiting: Waiting) -> Result<Self, ChannelError> {
+        let channel = Channel::new(node, sensor, Purpose::Kinds);
+        patiently(node, || Self::try_open(node, &channel, waiting))
+    }
+
+    fn try_open(node: &Node, channel: &Channel, waiting: Waiting) -> Result<Self, Obstacle> {
         let reports = open_reports(node, channel)?;
         // First the listener: whatever the subscriber gets, an event tells of it.
-        let listener = channel.listener(node)?;
+        let listener = channel.listener(node, waiting)?;
         let subscriber =
             reports.subscriber_builder().create().map_err(|error| Obstacle::subscriber(error, channel))?;
         Ok(Self { subscriber, listener, reports, channel: channel.clone() })
     }
 
     /// The oldest report that waits, if any: a copy, so that a reader holds no slot.
-    ///
-    /// May be called again and again instead of [waiting](Self::wait), which costs one core and spares the wake-up. Then wait
-    /// for a time of zero now and then, every 50 ms say: events that nobody takes would fill their queue.
     pub fn receive(&self) -> Result<Option<KindReport>, ChannelError> {
         let slot = self.subscriber.receive().map_err(|error| match error {
             ReceiveError::ExceedsMaxBorrows => {
@@ -156,11 +180,12 @@ impl ReportReader {
         Ok(Some(report))
     }
 
-    /// Waits until reports may be there, at most for `timeout`. Take all of them before waiting again.
+    /// Waits until reports may be there, at most for `timeout`. Take all of them before waiting again. A reader
+    /// that polls is woken by nobody: it waits all that time.
     ///
     /// A joiner's last report comes with the service's next tick.
     pub fn wait(&self, timeout: Duration) -> Result<WakeUp, ChannelError> {
-        wait(&self.listener, timeout, &self.channel)
+        wait(self.listener.as_ref(), timeout, &self.channel)
     }
 
     /// Which service is there, if any, or was killed and not yet cleaned up. Another one has another identity.

@@ -1,5 +1,6 @@
 //! From one raw frame to kind probabilities. What serving does for every frame.
 
+use std::hint::black_box;
 use std::sync::Arc;
 
 use crate::command::{Command, with_metric};
@@ -36,6 +37,9 @@ pub struct Classification {
     pub novelty: f64,
 }
 
+/// Frames that warm a classifier up: they measure some ten reference frames each, spread over all of a model.
+const N_WARM_UP: usize = 64;
+
 /// Classifies frames with one model. Holds all memory that it needs: classifying allocates nothing.
 pub struct Classifier {
     model: Arc<Model>,
@@ -67,6 +71,19 @@ impl Classifier {
     /// The model in use.
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// Makes the first frame as quick as the others: classifies some of the model's own frames, which brings the model, the
+    /// scratch and the code to where the processor has them at hand. No frame's answer depends on it.
+    pub fn warm_up(&mut self) {
+        let n_frames = self.model.frames().n_frames();
+        for index in (0..n_frames).step_by(n_frames.div_ceil(N_WARM_UP)) {
+            self.mapped.copy_from_slice(self.model.frames().row(index));
+            self.locate();
+        }
+        // A frame of raw counts would touch only some entries of the response.
+        black_box(self.model.response().table().iter().fold(0, |all, entry| all ^ entry));
+        self.know_nothing();
     }
 
     /// Classifies one frame of which nobody says what the robot had been told.

@@ -97,6 +97,21 @@ fn a_reference_frame_embeds_out_of_sample_to_its_in_sample_coordinates_bit_for_b
 }
 
 #[test]
+fn a_classifier_that_was_warmed_up_answers_alike_bit_for_bit() {
+    for model in models() {
+        let model = Arc::new(model);
+        let mut cold = Classifier::new(Arc::clone(&model));
+        let mut warm = Classifier::new(model);
+        warm.warm_up();
+        for frame in trip(150, 5).chunks_exact(N_READINGS) {
+            assert_eq!(warm.classify(frame), cold.classify(frame));
+            warm.warm_up();
+        }
+        assert_eq!(warm.classify(&[0; N_READINGS]).kind, cold.classify(&[0; N_READINGS]).kind);
+    }
+}
+
+#[test]
 fn a_frame_of_rings_is_classified_alike_whichever_way_the_robot_faces() {
     let turned = |frame: &[u16], n_rings: usize, turn: usize| {
         let mut frame = frame.to_vec();

@@ -8,7 +8,7 @@
 //! and reported at once, in order. It reads frames where they lie in shared memory and copies none; per frame, the
 //! transport's loan for the report is the only allocation, and we lock, log and open nothing.
 //!
-//! It waits by event; [`Waiting::Polling`] spares the wake-up and costs one core.
+//! It waits by event; [`Waiting::Polling`](kinds_messages::Waiting::Polling) spares the wake-up and costs one core.
 //!
 //! It outlives its driver shim: it waits, says so once, and goes on with the next run. Frames that are not for the model
 //! are refused in words, once, and the service stays up.
@@ -23,4 +23,4 @@ mod tests;
 
 pub use classify::Classify;
 pub use refusal::Refusal;
-pub use service::{Service, Summary, Waiting};
+pub use service::{Service, Summary};

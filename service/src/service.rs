@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use kinds_messages::{
     ChannelError, FRAME_BUFFER, Frame, FrameHeader, FrameReader, KindReport, MAX_DIMS, MAX_KINDS, Node,
-    ReportPublisher, SensorName, monotonic_ns,
+    ReportPublisher, SensorName, Waiting, monotonic_ns,
 };
 use kinds_model::{Classification, Command, N_DIMS_MAX, N_KINDS_MAX, SensorLayout, Status};
 
@@ -16,7 +16,7 @@ use crate::sequence::{Place, Sequence};
 // Whatever a model says fits in a report.
 const _: () = assert!(N_KINDS_MAX <= MAX_KINDS && N_DIMS_MAX <= MAX_DIMS);
 
-/// Longest time between two looks at the stop flag and at late joiners.
+/// Longest time between two looks at the stop flag, and shortest between two at who has come and gone: frames do not pay for it.
 const TICK: Duration = Duration::from_millis(50);
 /// Polls between two looks at the clock, so that a poll does not pay for what is done once a tick.
 const POLLS_PER_LOOK: u32 = 256;
@@ -27,16 +27,6 @@ const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
 /// somebody does; of a driver shim that does not know commands its integrator should hear.
 const UNCOMMANDED: &str = "frames have no command, and the model compares commands beside readings; until one comes the \
                            robot is taken to stand still";
-
-/// How a service waits for frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Waiting {
-    /// Asleep until the driver shim wakes it.
-    #[default]
-    ByEvent,
-    /// Awake, looking for a frame again and again: spares the wake-up and costs one processor core, all the time.
-    Polling,
-}
 
 /// Serves one sensor with one model.
 #[derive(Debug)]
@@ -83,7 +73,17 @@ impl<C: Classify> Service<C> {
     /// Fails when another service serves this sensor. The frames channel is opened before the kinds channel: a driver
     /// shim that sees a service may rely on its frames' being received.
     pub fn start(node: &Node, sensor: &SensorName, classifier: C) -> Result<Self, ChannelError> {
-        let frames = FrameReader::open(node, sensor)?;
+        Self::start_with(node, sensor, classifier, Waiting::ByEvent)
+    }
+
+    /// The same for a service that may look for frames in another way than by event.
+    pub fn start_with(
+        node: &Node,
+        sensor: &SensorName,
+        classifier: C,
+        waiting: Waiting,
+    ) -> Result<Self, ChannelError> {
+        let frames = FrameReader::open_with(node, sensor, waiting)?;
         let reports = ReportPublisher::create(node, sensor)?;
         let shim_is_there = frames.is_published();
         let mut report = KindReport::default();
@@ -95,7 +95,7 @@ impl<C: Classify> Service<C> {
             reports,
             layout: classifier.layout(),
             classifier,
-            waiting: Waiting::default(),
+            waiting,
             sequence: Sequence::new(shim_is_there),
             refusals: Refusals::default(),
             report,
@@ -103,11 +103,6 @@ impl<C: Classify> Service<C> {
             shim_is_there,
             uncommanded_run: None,
         })
-    }
-
-    /// The same service, which waits for frames in another way than by event.
-    pub fn with_waiting(self, waiting: Waiting) -> Self {
-        Self { waiting, ..self }
     }
 
     /// Serves until `stop` is set, then serves the frames that wait already, and ends.
@@ -119,7 +114,7 @@ impl<C: Classify> Service<C> {
         }
         let mut last_clean_up = Instant::now();
         let mut last_tick = last_clean_up;
-        let mut n_polls = 0_u32;
+        let mut n_turns = 0_u32;
         loop {
             // Read before serving: frames that were sent before the flag was set are served.
             let stopping = stop.load(Ordering::Relaxed);
@@ -127,25 +122,23 @@ impl<C: Classify> Service<C> {
             if stopping {
                 return Ok(self.summary);
             }
-            if self.waiting == Waiting::Polling {
-                n_polls = n_polls.wrapping_add(1);
-                if !n_polls.is_multiple_of(POLLS_PER_LOOK) || last_tick.elapsed() < TICK {
-                    std::hint::spin_loop();
-                    continue;
-                }
+            n_turns = n_turns.wrapping_add(1);
+            let looks = self.waiting == Waiting::ByEvent || n_turns.is_multiple_of(POLLS_PER_LOOK);
+            if looks && last_tick.elapsed() >= TICK {
                 last_tick = Instant::now();
+                if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
+                    self.node.clean_up_dead_nodes();
+                    last_clean_up = Instant::now();
+                }
+                self.reports.update()?;
+                self.look_for_shim();
             }
-            if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
-                self.node.clean_up_dead_nodes();
-                last_clean_up = Instant::now();
-            }
-            self.reports.update()?;
-            self.look_for_shim();
             match self.waiting {
-                Waiting::ByEvent if n_served < FRAME_BUFFER => self.frames.wait(TICK).map(drop)?,
+                Waiting::Polling => std::hint::spin_loop(),
+                Waiting::ByEvent if n_served < FRAME_BUFFER => {
+                    self.frames.wait(TICK.saturating_sub(last_tick.elapsed()))?;
+                }
                 Waiting::ByEvent => {}
-                // The driver shim wakes its readers all the same: what nobody takes would fill the event's queue.
-                Waiting::Polling => self.frames.wait(Duration::ZERO).map(drop)?,
             }
         }
     }

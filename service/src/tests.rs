@@ -9,11 +9,11 @@ use std::time::Duration;
 
 use kinds_messages::{
     FrameHeader, FramePublisher, FrameReader, KindReport, Node, OwnDomain, ReportReader, ReportStatus,
-    SensorName, monotonic_ns,
+    SensorName, Waiting, monotonic_ns,
 };
 use kinds_model::{Classification, Command, ModelId, SensorLayout, Status};
 
-use crate::{Classify, Service, Summary, Waiting};
+use crate::{Classify, Service, Summary};
 
 const LAYOUT: SensorLayout = SensorLayout { rows: 2, columns: 4, metres_per_count: 0.001 };
 const N_READINGS: usize = 8;
@@ -292,8 +292,8 @@ fn check_that_two_runs_are_served(waiting: Waiting) {
     thread::scope(|scope| {
         let serving = scope.spawn(|| {
             let node = Node::open(&domain, "service").unwrap();
-            let service = Service::start(&node, &ring(), Spy::new().0).unwrap();
-            service.with_waiting(waiting).run(&stop).unwrap()
+            let service = Service::start_with(&node, &ring(), Spy::new().0, waiting);
+            service.unwrap().run(&stop).unwrap()
         });
         let node = Node::open(&domain, "test").unwrap();
         let reports = ReportReader::open(&node, &ring()).unwrap();

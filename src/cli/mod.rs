@@ -162,6 +162,10 @@ pub(crate) struct ServeArguments {
     /// never free
     #[arg(long)]
     pub(crate) busy_poll: bool,
+    /// Keep the model and all else that serving touches in memory, where the system allows it: without, what is not used
+    /// for long may be paged out, and the next frame waits for it
+    #[arg(long)]
+    pub(crate) lock_memory: bool,
     #[command(flatten)]
     pub(crate) domain: OwnableDomainArguments,
 }

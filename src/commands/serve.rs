@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use kinds_messages::Node;
+use kinds_messages::{Node, Waiting};
 use kinds_model::Classifier;
-use kinds_service::{Service, Waiting};
+use kinds_service::Service;
 
 use crate::cli::ServeArguments;
 use crate::failure::Failure;
 use crate::say::mention;
-use crate::{model_file, stop};
+use crate::{locked_memory, model_file, stop};
 
 pub(crate) fn run(arguments: &ServeArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
@@ -18,10 +18,20 @@ pub(crate) fn run(arguments: &ServeArguments) -> Result<(), Failure> {
     let node = Node::open(&domain, "kinds-serve")?;
     let sensor = &arguments.sensor;
     let waiting = if arguments.busy_poll { Waiting::Polling } else { Waiting::ByEvent };
-    let service = Service::start(&node, sensor, Classifier::new(Arc::clone(&model)))?;
-    let mut service = service.with_waiting(waiting);
+    let mut classifier = Classifier::new(Arc::clone(&model));
+    classifier.warm_up();
+    let mut service = Service::start_with(&node, sensor, classifier, waiting)?;
+    // Last, when all is mapped that can be before a driver shim comes.
+    let memory = match arguments.lock_memory.then(locked_memory::lock) {
+        None => "",
+        Some(Ok(())) => "; memory is locked",
+        Some(Err(not_locked)) => {
+            tracing::warn!("{not_locked}");
+            "; memory is not locked"
+        }
+    };
     mention(format!(
-        "serving {sensor}: {} kinds of {}, model {}",
+        "serving {sensor}: {} kinds of {}, model {}{memory}",
         model.mixture().n_kinds(),
         model.layout(),
         model.id()

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::process::{ChildStdout, Command, Stdio};
 
 use kinds_messages::{Domain, FrameReader, Node, OwnDomain};
+use rustix::thread::{CapabilitySet, remove_capability_from_bounding_set};
 
 use crate::consumer::Consumer;
 use crate::running::{Outcome, Running};
@@ -86,7 +87,11 @@ impl Robot {
 
     /// A program of this robot that has not been started.
     fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_kinds"));
+        self.command_of(env!("CARGO_BIN_EXE_kinds"), arguments)
+    }
+
+    fn command_of(&self, program: &str, arguments: &[&str]) -> Command {
+        let mut command = Command::new(program);
         command
             .args(arguments)
             .current_dir(self.path(""))
@@ -102,6 +107,24 @@ impl Robot {
     /// Starts a program.
     pub(crate) fn start(&self, arguments: &[&str]) -> Running {
         Running::start(&mut self.command(arguments))
+    }
+
+    /// Starts a program that may lock no more than this much memory, kB.
+    pub(crate) fn start_limited(&self, lockable: &str, arguments: &[&str]) -> Running {
+        let mut command = self.command_of(
+            "sh",
+            &[&["-c", "ulimit -l $0 && exec \"$@\"", lockable, env!("CARGO_BIN_EXE_kinds")], arguments]
+                .concat(),
+        );
+        // The right to exceed limits is a thread's, and those that it starts have it only if it does. Who may not give it up
+        // has not got it.
+        std::thread::scope(|scope| {
+            let started = scope.spawn(|| {
+                let _ = remove_capability_from_bounding_set(CapabilitySet::IPC_LOCK);
+                Running::start(&mut command)
+            });
+            started.join().unwrap()
+        })
     }
 
     /// Starts a program whose standard output is left to the caller.

@@ -68,6 +68,12 @@ impl Running {
         self.err.so_far()
     }
 
+    /// The system's line about it that begins so, without the beginning (`/proc/PID/status`).
+    pub(crate) fn status(&self, beginning: &str) -> String {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
+        status.lines().find_map(|line| line.strip_prefix(beginning)).unwrap().trim().to_string()
+    }
+
     pub(crate) fn has_ended(&mut self) -> bool {
         self.child.try_wait().unwrap().is_some()
     }

@@ -1,8 +1,10 @@
 //! Services that start, stop, are killed, meet others of their kind, and get frames that are not for them.
 
 use rustix::process::Signal;
+use rustix::thread::{CapabilitySet, capabilities};
 
 use crate::robot::{MODEL, Robot, SECOND, SENSOR};
+use crate::running::Running;
 use crate::world::{Trip, assert_reports_equal_classifying_here};
 
 #[test]
@@ -120,4 +122,49 @@ fn a_shim_that_follows_a_service_of_another_sensor_says_what_it_waits_for() {
     );
     assert!(shim.stop(Signal::INT).starts_with("published 8 frames of crunch/ring in "));
     service.stop(Signal::INT);
+}
+
+fn n_locked_kb(service: &Running) -> usize {
+    service.status("VmLck:").strip_suffix(" kB").unwrap().parse().unwrap()
+}
+
+#[test]
+fn a_service_that_may_lock_its_memory_keeps_the_model_there() {
+    let robot = Robot::trained();
+    let service = robot.start(&["serve", "--model", MODEL, "--sensor", SENSOR, "--lock-memory"]);
+    let told = service.await_out(&format!("serving {SENSOR}: "));
+    let (n_locked_kb, n_model_kb) = (n_locked_kb(&service), robot.read(MODEL).len() / 1024);
+    // Whoever runs this test without the right, or a limit that is high enough, sees that the service does not claim it.
+    let is_locked = told.ends_with("; memory is locked");
+    assert_eq!(is_locked, n_locked_kb >= n_model_kb, "{told}: {n_locked_kb} kB of {n_model_kb} kB");
+    let has_right = capabilities(None).unwrap().effective.contains(CapabilitySet::IPC_LOCK);
+    assert!(is_locked || !has_right, "{told}; {:?}", service.err());
+    let consumer = robot.join();
+    let mut shim = robot.publish(SECOND, "max");
+    let reports = consumer.await_end_of(&mut shim);
+    assert_reports_equal_classifying_here(&reports, &robot.path(MODEL), &robot.path(SECOND));
+    service.stop(Signal::TERM);
+}
+
+#[test]
+fn a_service_that_may_not_lock_its_memory_says_what_to_change_and_serves() {
+    let robot = Robot::trained();
+    let service =
+        robot.start_limited("64", &["serve", "--model", MODEL, "--sensor", SENSOR, "--lock-memory"]);
+    let told = service.await_out(&format!("serving {SENSOR}: "));
+    assert!(told.ends_with("; memory is not locked"), "{told}");
+    assert_eq!(n_locked_kb(&service), 0);
+    let warned = service.await_err("WARN cannot lock memory: ");
+    let (_, warned) = warned.split_once("memory: ").unwrap();
+    let (n_mapped_kb, rest) = warned.split_once(' ').unwrap();
+    assert!(n_mapped_kb.parse::<usize>().unwrap() > 64, "{warned}");
+    assert_eq!(
+        rest,
+        "kB are mapped, the limit is 64 kB (Cannot allocate memory (os error 12)); raise it, with ulimit -l in a shell or \
+         LimitMEMLOCK=infinity in a systemd unit; serving on, though the system may page the model out"
+    );
+    let consumer = robot.join();
+    let mut shim = robot.publish(SECOND, "max");
+    assert_eq!(consumer.await_end_of(&mut shim).len(), 130);
+    service.stop(Signal::TERM);
 }

@@ -1,0 +1,204 @@
+//! From receiving a frame to the finished report nothing is allocated, over real channels. Alone in its program, since the
+//! allocator counts for all tests of one.
+#![allow(unsafe_code, reason = "an allocator that counts")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
+
+use kinds_messages::{
+    FrameHeader, FramePublisher, FrameReader, Node, OwnDomain, ReportReader, ReportStatus, Waiting, WakeUp,
+};
+use kinds_model::{
+    Classification, Classifier, Command, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan,
+    ModelId, Origin, ResponsePlan, Scale, SensorLayout, fit,
+};
+use kinds_service::{Classify, Service};
+
+/// The system's allocator, which counts.
+struct Counting {
+    n_allocated: AtomicUsize,
+    bytes_allocated: AtomicUsize,
+    bytes_freed: AtomicUsize,
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting {
+    n_allocated: AtomicUsize::new(0),
+    bytes_allocated: AtomicUsize::new(0),
+    bytes_freed: AtomicUsize::new(0),
+};
+
+// SAFETY: all is left to the system's allocator. Growing and zeroing are this trait's own, which call these two.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        self.n_allocated.fetch_add(1, Ordering::Relaxed);
+        self.bytes_allocated.fetch_add(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller keeps to the same contract.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        self.bytes_freed.fetch_add(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller keeps to the same contract.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+/// What was allocated and freed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Taken {
+    n_allocated: usize,
+    bytes_allocated: usize,
+    bytes_freed: usize,
+}
+
+const NOTHING: Taken = Taken { n_allocated: 0, bytes_allocated: 0, bytes_freed: 0 };
+
+/// What iceoryx2 does for a loan, whichever it is: a counted reference to the publisher and to the slot, on the heap, until
+/// the loan is sent.
+const A_LOAN: Taken = Taken { n_allocated: 1, bytes_allocated: 48, bytes_freed: 48 };
+
+impl Taken {
+    fn so_far() -> Self {
+        Self {
+            n_allocated: ALLOCATOR.n_allocated.load(Ordering::Relaxed),
+            bytes_allocated: ALLOCATOR.bytes_allocated.load(Ordering::Relaxed),
+            bytes_freed: ALLOCATOR.bytes_freed.load(Ordering::Relaxed),
+        }
+    }
+
+    fn since(earlier: Self) -> Self {
+        let now = Self::so_far();
+        Self {
+            n_allocated: now.n_allocated - earlier.n_allocated,
+            bytes_allocated: now.bytes_allocated - earlier.bytes_allocated,
+            bytes_freed: now.bytes_freed - earlier.bytes_freed,
+        }
+    }
+}
+
+/// A classifier that notes when it has answered.
+struct Noting {
+    classifier: Classifier,
+    answered: Arc<AtomicUsize>,
+}
+
+impl Classify for Noting {
+    fn layout(&self) -> SensorLayout {
+        self.classifier.layout()
+    }
+
+    fn model_id(&self) -> ModelId {
+        self.classifier.model_id()
+    }
+
+    fn compares_commands(&self) -> bool {
+        self.classifier.compares_commands()
+    }
+
+    fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {
+        let classification = Classify::classify(&mut self.classifier, counts, command);
+        self.answered.store(Taken::so_far().n_allocated, Ordering::Relaxed);
+        classification
+    }
+}
+
+const N_FRAMES: usize = 300;
+
+/// Waves that move and turn, unlike each other in every reading.
+fn trip(sensor: SensorLayout) -> Vec<u16> {
+    let reading = |index: usize| {
+        let (frame, reading) = (index / sensor.n_readings(), index % sensor.n_readings());
+        let phase = frame as f64 / 15.0;
+        (5000.0
+            + 3000.0 * (phase + reading as f64 / 90.0).cos() * (phase * 0.3).sin()
+            + (index * 7919 % 97) as f64) as u16
+    };
+    (0..N_FRAMES * sensor.n_readings()).map(reading).collect()
+}
+
+fn classifier(sensor: SensorLayout) -> Classifier {
+    let plan = FitPlan {
+        sensor,
+        response: ResponsePlan::new(Scale::Inverse, 20.0),
+        metric: MetricPlan::Euclidean,
+        n_frames_max: usize::MAX,
+        method: Method::Isomap,
+        n_neighbors: Some(10),
+        consecutive_edges: false,
+        n_landmarks: 100,
+        landmark_choice: LandmarkChoice::Random,
+        n_dims: Some(5),
+        n_kinds: Some(3),
+        kinds_by: KindsBy::BicNeff,
+        em: EmPlan { n_starts: 1, ..EmPlan::new(0) },
+        seed: 0,
+    };
+    let model = fit(trip(sensor), &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
+    Classifier::new(Arc::new(model))
+}
+
+#[test]
+fn a_frame_takes_no_memory_but_the_transports_loan_of_the_next_report() {
+    for sensor in [
+        SensorLayout { rows: 1, columns: 16, metres_per_count: 0.001 },
+        SensorLayout { rows: 124, columns: 160, metres_per_count: 0.001 },
+    ] {
+        for waiting in [Waiting::ByEvent, Waiting::Polling] {
+            check(sensor, waiting);
+        }
+    }
+}
+
+fn check(sensor: SensorLayout, waiting: Waiting) {
+    let domain = OwnDomain::make().unwrap();
+    let node = Node::open(&domain, "test").unwrap();
+    let name = "crunch/ring".parse().unwrap();
+    let mut classifier = classifier(sensor);
+    classifier.warm_up();
+    let answered = Arc::default();
+    let noting = Noting { classifier, answered: Arc::clone(&answered) };
+    let mut service = Service::start_with(&node, &name, noting, waiting).unwrap();
+    let frames = FrameReader::open(&node, &name).unwrap();
+    let reports = ReportReader::open_with(&node, &name, waiting).unwrap();
+    let shim = FramePublisher::create(&node, &name, sensor.n_readings()).unwrap();
+    let SensorLayout { rows, columns, metres_per_count } = sensor;
+    let stop = AtomicBool::new(true);
+    let trip = trip(sensor);
+    for (sequence, counts) in (0..).zip(trip.chunks_exact(sensor.n_readings())) {
+        let header =
+            FrameHeader { run: 7, sequence, rows, columns, metres_per_count, ..FrameHeader::default() };
+        let before = Taken::so_far();
+        let mut loan = shim.loan().unwrap();
+        loan.counts_mut().copy_from_slice(counts);
+        loan.send(&header).unwrap();
+        let published = Taken::since(before);
+
+        // Another reader, which waits by event.
+        let before = Taken::so_far();
+        assert_eq!(frames.wait(Duration::from_secs(10)).unwrap(), WakeUp::Event);
+        drop(frames.receive().unwrap().unwrap());
+        let read = Taken::since(before);
+
+        let before = Taken::so_far();
+        service.run(&stop).unwrap();
+        let served = Taken::since(before);
+        let n_until_answer = answered.load(Ordering::Relaxed) - before.n_allocated;
+
+        let before = Taken::so_far();
+        if waiting == Waiting::ByEvent {
+            assert_eq!(reports.wait(Duration::from_secs(10)).unwrap(), WakeUp::Event);
+        }
+        let report = reports.receive().unwrap().unwrap();
+        let reported = Taken::since(before);
+
+        assert_eq!((report.sequence, report.status()), (sequence, ReportStatus::Classified));
+        // The first frames connect publishers and readers.
+        if sequence >= 3 {
+            let all = (published, read, n_until_answer, served, reported);
+            assert_eq!(all, (A_LOAN, NOTHING, 0, A_LOAN, NOTHING), "frame {sequence}, {waiting:?}");
+        }
+    }
+}
