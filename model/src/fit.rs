@@ -186,7 +186,7 @@ pub enum FitError {
 /// * `counts` — raw counts, shape `(n_trained, n_readings)`; frames without a valid reading should not be among them
 /// * `origin` — where the frames came from, for the record
 ///
-/// Deterministic for a plan on one machine. Holds the frames, once or twice those that are kept if not all are, their
+/// Deterministic for a plan on one machine. Holds the frames, up to four times those that are kept if not all are, their
 /// geodesics (n_frames × n_landmarks) and one n_landmarks² matrix.
 ///
 /// # Errors
@@ -243,7 +243,7 @@ fn fit_in_memory(
 ///
 /// * `commands` — shape `(n_trained,)`, if frames are to be compared by them
 ///
-/// Holds twice as many frames as are kept, some hundreds that were read and two thousand for the intrinsic dimension.
+/// Holds four times as many frames as are kept, some hundreds that were read and two thousand for the intrinsic dimension.
 ///
 /// # Errors
 /// If frames cannot be read, and as [`fit`].
@@ -274,18 +274,9 @@ pub fn fit_stream<E: Send>(
     let mut stream = Stream { source, n_readings, response: response.clone(), commands: None };
     let mut scale = None;
     if let Some(commands) = commands {
-        let compared = compared(n_trained);
-        let mut counts = Vec::with_capacity(compared.len() * n_readings);
-        let pass = stream.pass(&mut |first, rows| {
-            for (index, row) in (first..).zip(rows.chunks_exact(n_readings)) {
-                if compared.get(counts.len() / n_readings) == Some(&index) {
-                    counts.extend_from_slice(row);
-                }
-            }
-            progress(Step::References, 0, n_trained);
-        });
-        pass.map_err(StreamError::Read)?;
-        let scale = scale.insert(command_scale(commands, &counts, plan)?);
+        let mut done = |n_done| progress(Step::References, n_done, n_trained);
+        let readings = stream.pick(&compared(n_trained), &mut done).map_err(StreamError::Read)?;
+        let scale = scale.insert(command_scale(commands, &readings, plan)?);
         stream.commands = Some((*scale, &commands.of_frames));
     }
     fit_source(Source::Stream(stream), response, scale, plan, origin, progress)

@@ -261,6 +261,7 @@ mod tests {
 
     use super::*;
     use crate::metric::Euclidean;
+    use crate::testing::{SORTS, frames_of, layout};
 
     /// A hundred frames at one place, two at another, and one far from both.
     fn uneven() -> Frames {
@@ -313,6 +314,21 @@ mod tests {
     fn frames_that_are_all_alike_still_make_as_many_landmarks_as_were_asked_for() {
         for choice in [Random, Farthest, KMeans] {
             assert_eq!(choose(&Frames::new(3, vec![7; 30]), &Euclidean, 4, choice, 1).len(), 4);
+        }
+    }
+
+    #[test]
+    fn bounds_and_the_triangle_inequality_choose_the_same_frames() {
+        for sort in SORTS {
+            for (rows, columns) in [(1, 7), (1, 300), (30, 40)] {
+                let sensor = layout(rows, columns);
+                let frames = Frames::new(sensor.n_readings(), frames_of(sort, sensor, 90, 4));
+                for choice in [Farthest, KMeans] {
+                    let plain = choose(&frames, &Euclidean, 30, choice, 5);
+                    let bounded = choose(&frames.clone().indexed(sensor), &Euclidean, 30, choice, 5);
+                    assert_eq!(plain, bounded, "{sort:?}, {rows} × {columns}, {choice:?}");
+                }
+            }
         }
     }
 

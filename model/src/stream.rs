@@ -136,6 +136,32 @@ impl<E: Send> Stream<'_, E> {
         Ok(())
     }
 
+    /// Goes through all frames, and copies some.
+    ///
+    /// * `indices` — of the frames to copy, ascending
+    /// * `done` — told the number of frames gone through, now and then
+    ///
+    /// # Errors
+    /// Of the source.
+    pub(crate) fn pick(
+        &mut self,
+        indices: &[usize],
+        done: &mut (dyn FnMut(usize) + Send),
+    ) -> Result<Vec<u16>, E> {
+        let n_columns = self.n_columns();
+        let mut picked = Vec::with_capacity(indices.len() * n_columns);
+        self.pass(&mut |first, rows| {
+            let end = first + rows.len() / n_columns;
+            let here = indices.partition_point(|&index| index < first)
+                ..indices.partition_point(|&index| index < end);
+            for &index in &indices[here] {
+                picked.extend_from_slice(&rows[(index - first) * n_columns..][..n_columns]);
+            }
+            done(end);
+        })?;
+        Ok(picked)
+    }
+
     /// Goes through all frames, and returns what becomes of each. The same on any number of threads.
     ///
     /// * `init` — memory for a thread that works on some frames
@@ -175,5 +201,41 @@ impl<E: Send> Stream<'_, E> {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::response::{ResponsePlan, Scale};
+
+    #[test]
+    fn every_pass_goes_through_all_frames_once_and_in_their_order() {
+        for n_frames in [1, 2, N_FRAMES_IN_BATCH - 1, N_FRAMES_IN_BATCH, N_FRAMES_IN_BATCH + 1, 1000] {
+            // On a scale of ranges counts are as they were.
+            let counts: Vec<u16> = (1..=2 * n_frames as u16).collect();
+            let response = Response::new(&ResponsePlan::new(Scale::Range, 60.0), 0.001).unwrap();
+            let source = &mut InMemory::new(2, counts.clone());
+            let mut stream = Stream { source, n_readings: 2, response, commands: None };
+            let mut passed = Vec::new();
+            for _ in 0..2 {
+                passed.clear();
+                let pass = stream.pass(&mut |first, rows| {
+                    assert_eq!(first * 2, passed.len());
+                    passed.extend_from_slice(rows);
+                });
+                pass.unwrap();
+                assert_eq!(passed, counts);
+            }
+            let (mut n_batches, mut n_told) = (0, 0);
+            let mapped = stream.map(|| (), |(), index, row| (index, row[1]), &mut |n_done| n_told = n_done);
+            let expected: Vec<(u32, u16)> =
+                (0..n_frames as u32).map(|index| (index, 2 * (index as u16 + 1))).collect();
+            assert_eq!((mapped.unwrap(), n_told), (expected, n_frames));
+            let picked = stream.pick(&[0, n_frames / 2, n_frames - 1], &mut |_| n_batches += 1).unwrap();
+            let row = |index: usize| [2 * index as u16 + 1, 2 * index as u16 + 2];
+            assert_eq!(picked, [row(0), row(n_frames / 2), row(n_frames - 1)].concat());
+            assert_eq!(n_batches, n_frames.div_ceil(N_FRAMES_IN_BATCH));
+        }
     }
 }

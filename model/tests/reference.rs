@@ -375,3 +375,44 @@ fn a_model_larger_than_memory_is_refused_with_its_numbers_before_a_frame_is_read
          machine does not have; ask for fewer reference frames or fewer landmarks"
     );
 }
+
+/// A robot that goes on to places which it has not seen before, for longer than can be held.
+fn long_trip() -> Vec<u16> {
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    let mut counts = Vec::new();
+    for index in 0..1700 {
+        let phase = f64::from(index) / 40.0;
+        for reading in 0..N_READINGS {
+            let range = 1500.0 + 800.0 * (phase + reading as f64).sin() + 30.0 * phase * (reading % 3) as f64;
+            counts.push((range + random.random_range(-25.0..25.0)) as u16);
+        }
+    }
+    counts
+}
+
+#[test]
+fn a_trip_that_is_thinned_as_it_passes_makes_the_same_model_on_any_number_of_threads_and_serves_its_frames_there()
+ {
+    let plan = plan(Method::Isomap, 60);
+    let on = |n_threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+        pool.install(|| fit(long_trip(), &plan, Origin::default(), &mut |_, _, _| ()).unwrap())
+    };
+    let model = Arc::new(on(1));
+    assert_eq!(model.id(), on(2).id());
+    let references = model.references();
+    assert_eq!((references.n_frames(), references.n_trained()), (60, 1700));
+    let mut classifier = Classifier::new(Arc::clone(&model));
+    let mut squared_radius = 0;
+    for (index, frame) in long_trip().chunks_exact(N_READINGS).enumerate() {
+        assert_eq!(classifier.classify(frame).coordinates, place(&model, index), "frame {index}");
+        let mut mapped = frame.to_vec();
+        model.response().map_in_place(&mut mapped);
+        // The plainest way: all distances, of equals the first.
+        let squared = |reference: usize| Euclidean.squared_distance(&mapped, model.frames().row(reference));
+        let nearest = (0..60).min_by_key(|&reference| squared(reference)).unwrap();
+        assert_eq!(references.nearest()[index] as usize, nearest, "frame {index}");
+        squared_radius = squared_radius.max(squared(nearest));
+    }
+    assert_eq!(model.manifest().provenance.covering_radius, length(squared_radius));
+}

@@ -79,7 +79,7 @@ impl TrainError {
 
 /// Trains a model on the frames of one or more trips of one sensor.
 ///
-/// Reads trips more than once and holds, of longer ones than the model keeps, twice the frames that it does: see
+/// Reads trips more than once and holds, of longer ones than the model keeps, four times the frames that it does: see
 /// [`kinds_model::fit_stream`].
 ///
 /// # Errors
