@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --bench long_trip`, on 100,000 frames of the simulated Chew's camera of 19840 readings, one trip after the
 //! other in one recording: five and a half hours. Driving them takes minutes and is not counted; the recording is made in the
-//! folder for temporary files, 3 GB, and removed.
+//! folder for temporary files, 2 GB, and removed.
 //!
 //! | to | set |
 //! |---|---|
@@ -17,6 +17,7 @@ use std::time::Instant;
 use kinds_driver_shim::simulated::{Chew, Robot};
 use kinds_trainer::{Config, Stage, train};
 use kinds_trips::{Image, ImageEncoding, Stamp, TripWriter, WriterOptions};
+use rustix::time::{ClockId, clock_gettime};
 
 /// Between two frames of Chew's, ns.
 const FRAME_NS: i64 = 200_000_000;
@@ -36,40 +37,60 @@ fn main() {
         println!("drove and recorded {n_frames} frames in {:.0} s", began.elapsed().as_secs_f64());
     }
     let n_bytes = path.metadata().expect("the recording is there").len();
-    println!("{} bytes of recording, at most {n_references} reference frames", n_bytes);
+    println!("{n_bytes} bytes of recording, at most {n_references} reference frames");
     measure(&path, n_references);
 }
 
 /// Trains, and prints how long each stage took.
 fn measure(path: &Path, n_references: usize) {
+    println!("  stage                               s   of processors");
     let config = Config { frames: Some(n_references), ..Config::default() };
-    let began = Instant::now();
-    let mut stages: Vec<(String, Instant)> = Vec::new();
+    let began = Clocks::now();
+    let mut stage_before: Option<(String, Clocks)> = None;
     let trained = train(&[path.to_path_buf()], &config, &mut |stage, _, _| {
         let name = match stage {
             Stage::Reading(_) => "reading".to_string(),
             stage => format!("{stage:?}"),
         };
-        if stages.last().is_none_or(|(last, _)| *last != name) {
-            stages.push((name, Instant::now()));
+        if stage_before.as_ref().is_none_or(|(before, _)| *before != name) {
+            stage_before.iter().for_each(|(before, began)| began.print_since(before));
+            stage_before = Some((name, Clocks::now()));
         }
     });
-    let took = began.elapsed();
+    stage_before.iter().for_each(|(before, began)| began.print_since(before));
+    began.print_since("in all");
     let model = trained.expect("a simulated trip makes a model").model;
-    let ends = stages.iter().skip(1).map(|(_, began)| *began).chain([began + took]);
-    for ((name, began), end) in stages.iter().zip(ends) {
-        println!("  {name:32} {:8.1} s", (end - *began).as_secs_f64());
-    }
     let manifest = model.manifest();
     println!(
-        "  {} of {} frames kept, covering radius {:.0} counts, {} dimensions, {} kinds",
+        "  {} of {} frames kept, covering radius {:.0} counts, {} dimensions, {} kinds; at most {} MB held",
         manifest.n_frames,
         manifest.n_trained,
         manifest.provenance.covering_radius,
         manifest.n_dims,
-        manifest.n_kinds
+        manifest.n_kinds,
+        most_bytes_held() / 1_000_000
     );
-    println!("  in all {:.1} s, at most {} MB held", took.as_secs_f64(), most_bytes_held() / 1_000_000);
+}
+
+/// What time it is, and how long processors have worked for this process, seconds.
+struct Clocks {
+    time_s: f64,
+    processors_s: f64,
+}
+
+impl Clocks {
+    fn now() -> Self {
+        let seconds = |clock| {
+            let time = clock_gettime(clock);
+            time.tv_sec as f64 + time.tv_nsec as f64 / 1e9
+        };
+        Self { time_s: seconds(ClockId::Monotonic), processors_s: seconds(ClockId::ProcessCPUTime) }
+    }
+
+    fn print_since(&self, what: &str) {
+        let Self { time_s, processors_s } = Self::now();
+        println!("  {what:26} {:10.1} {:10.1}", time_s - self.time_s, processors_s - self.processors_s);
+    }
 }
 
 /// Records trips one after the other, as one.

@@ -107,8 +107,9 @@ impl ReferenceSet {
     }
 }
 
-/// Frames that are kept for each that is wanted. Of twice as many, the choice among 20,000 frames of 16 readings left a
-/// covering radius a quarter larger than that of farthest point among all; more take more memory.
+/// Frames that are kept for each that is wanted: trips of up to so many times as many frames are covered as well as by farthest
+/// point among all. Beyond that it matters little. Of 20,000 frames of 16 readings, 500 and 4000 were chosen with covering
+/// radii 31 and 41 % above that (27 and 28 % where two were kept for each), and kinds repeated no less.
 const N_KEPT_FOR_EACH: usize = 4;
 
 /// Most frames that are held while `n_wanted` are chosen of `n_frames`, counts of them.

@@ -286,7 +286,7 @@ mod tests {
     #[test]
     fn frames_without_a_place_are_left_out_of_what_is_compared() {
         let mut one = trip("a", &[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], 0.0);
-        one.poses[1] = None;
+        one.survey.poses[1] = None;
         let placed = Placed::of(&one, 0);
         assert_eq!(placed.of_placed(&['a', 'b', 'c']), ['a', 'c']);
         assert_eq!(placed.places.n_frames(), 2);
