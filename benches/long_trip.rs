@@ -101,12 +101,9 @@ fn record(path: &Path, n_frames: usize) {
     let layout = robot.layout();
     let mut counts = vec![0; layout.n_readings()];
     for index in 0..n_frames {
-        let moment = loop {
-            match robot.step(&mut counts) {
-                Some(moment) => break moment,
-                None => robot = robots.next().expect("trips go on"),
-            }
-        };
+        while robot.step(&mut counts).is_none() {
+            robot = robots.next().expect("trips go on");
+        }
         // Trips begin a day apart; here each goes on where the last ended.
         let at = Stamp(1_750_000_000_000_000_000 + index as i64 * FRAME_NS);
         let image = Image {
