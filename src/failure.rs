@@ -82,7 +82,7 @@ impl From<LoadError> for Failure {
     fn from(error: LoadError) -> Self {
         match error {
             LoadError::Trip(error) => error.into(),
-            LoadError::AllInvalid { .. } | LoadError::NoCommands { .. } => Self::CouldNot(error.to_string()),
+            _ => Self::CouldNot(error.to_string()),
         }
     }
 }

@@ -311,24 +311,48 @@ impl Blocks {
         n_frames: usize,
         readings: impl Fn(usize) -> &'a [u16],
     ) -> Self {
+        let mut blocks = Self::none(sensor, n_frames);
+        let mut sketch = blocks.sketch();
+        (0..n_frames).for_each(|frame_index| blocks.push(&mut sketch, readings(frame_index)));
+        blocks
+    }
+
+    /// Features of no frames yet.
+    ///
+    /// * `n_frames_max` — frames that memory is reserved for
+    pub(crate) fn none(sensor: SensorLayout, n_frames_max: usize) -> Self {
         let grids: Vec<Grid> =
             std::iter::successors(Some(Grid::coarse(sensor)), |grid| grid.parts()).collect();
-        let n_coarse = grids[0].n_features();
-        let mut coarse = vec![[0; LANES]; n_frames.div_ceil(LANES) * n_coarse];
-        let mut finer: Vec<Vec<u16>> =
-            grids[1..].iter().map(|grid| Vec::with_capacity(n_frames * grid.n_features())).collect();
-        let mut sketch = Sketch::new(&grids);
-        for frame_index in 0..n_frames {
-            sketch.draw(readings(frame_index));
-            let chunk = &mut coarse[frame_index / LANES * n_coarse..][..n_coarse];
-            for (lanes, feature) in chunk.iter_mut().zip(&sketch.levels[0].features) {
-                lanes[frame_index % LANES] = *feature;
-            }
-            for (finer, level) in finer.iter_mut().zip(&sketch.levels[1..]) {
-                finer.extend_from_slice(&level.features);
-            }
+        let coarse = Vec::with_capacity(n_frames_max.div_ceil(LANES) * grids[0].n_features());
+        let finer = |grid: &Grid| Vec::with_capacity(n_frames_max * grid.n_features());
+        let finer = grids[1..].iter().map(finer).collect();
+        Self { grids, n_frames: 0, coarse, finer }
+    }
+
+    /// Adds the features of one more frame.
+    ///
+    /// * `readings` — shape `(n_readings,)`
+    pub(crate) fn push(&mut self, sketch: &mut Sketch, readings: &[u16]) {
+        sketch.draw(readings);
+        let (n_coarse, lane) = (self.grids[0].n_features(), self.n_frames % LANES);
+        if lane == 0 {
+            self.coarse.resize(self.coarse.len() + n_coarse, [0; LANES]);
         }
-        Self { grids, n_frames, coarse, finer }
+        let last_chunk = self.coarse.len() - n_coarse;
+        for (lanes, feature) in self.coarse[last_chunk..].iter_mut().zip(&sketch.levels[0].features) {
+            lanes[lane] = *feature;
+        }
+        for (finer, level) in self.finer.iter_mut().zip(&sketch.levels[1..]) {
+            finer.extend_from_slice(&level.features);
+        }
+        self.n_frames += 1;
+    }
+
+    /// Forgets all frames.
+    pub(crate) fn clear(&mut self) {
+        self.n_frames = 0;
+        self.coarse.clear();
+        self.finer.iter_mut().for_each(Vec::clear);
     }
 
     /// Memory for features of a frame to compare with these.
@@ -368,6 +392,17 @@ impl Blocks {
         if let Some(last) = bounds.last_mut() {
             last[(self.n_frames - 1) % LANES + 1..].fill(f32::INFINITY);
         }
+    }
+
+    /// Whether bounds prove a frame farther than a squared distance, counts².
+    ///
+    /// * `coarse` — its bound by coarse blocks
+    pub(crate) fn is_beyond(&self, sketch: &Sketch, coarse: Bounded, squared_distance: u64) -> bool {
+        let mut frame = [coarse];
+        (0..self.n_levels()).any(|level| {
+            self.refine(level, sketch, &mut frame);
+            frame[0].bound > self.limit(level, squared_distance)
+        })
     }
 
     /// Bounds at a level beyond the coarse one, of some frames. At the coarse level, leaves those that they have.

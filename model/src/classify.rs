@@ -132,13 +132,13 @@ impl Classifier {
     fn locate(&mut self) {
         let Self { model, mapped, placer, classification } = self;
         classification.status = Status::Classified;
-        let squared_to_nearest = with_metric!(model.metric(), model.commands(), |metric| {
+        let nearest = with_metric!(model.metric(), model.commands(), |metric| {
             placer.place(metric, model.manifold(), mapped, &mut classification.coordinates)
         });
         classification.log_likelihood =
             model.mixture().posterior(&classification.coordinates, &mut classification.probabilities);
         let radii = model.squared_radii();
-        let n_within = radii.partition_point(|radius| *radius < squared_to_nearest);
+        let n_within = radii.partition_point(|radius| *radius < nearest.squared_distance);
         classification.novelty = n_within as f64 / radii.len() as f64;
     }
 }

@@ -175,17 +175,21 @@ fn mean_squared_difference(counts: &[u16]) -> f64 {
 /// a matter of some tenths of a second.
 const N_FRAMES_COMPARED: usize = 256;
 
-/// Mean squared distance over all pairs of at most [`N_FRAMES_COMPARED`] frames at even steps, counts².
-///
-/// * `counts` — on the response's scale, shape `(n_frames, n_readings)`
-pub(crate) fn mean_squared_distance(counts: &[u16], n_readings: usize, metric: &impl Metric) -> f64 {
-    let n_frames = counts.len() / n_readings;
+/// Which of a trip's frames are compared for the weight of commands: at most [`N_FRAMES_COMPARED`] at even steps, ascending.
+pub(crate) fn compared(n_frames: usize) -> Vec<usize> {
     let n_compared = n_frames.min(N_FRAMES_COMPARED);
-    let row = |index: usize| &counts[index * n_frames / n_compared * n_readings..][..n_readings];
+    (0..n_compared).map(|index| index * n_frames / n_compared).collect()
+}
+
+/// Mean squared distance over all pairs of frames, counts².
+///
+/// * `counts` — of those that are [`compared`], on the response's scale, shape `(n, n_readings)`
+pub(crate) fn mean_squared_distance(counts: &[u16], n_readings: usize, metric: &impl Metric) -> f64 {
+    let rows: Vec<&[u16]> = counts.chunks_exact(n_readings).collect();
     let (mut sum, mut n_pairs) = (0.0, 0_u32);
-    for a in 0..n_compared {
-        for b in 0..a {
-            sum += metric.squared_distance(row(a), row(b)) as f64;
+    for (index, row) in rows.iter().enumerate() {
+        for other in &rows[..index] {
+            sum += metric.squared_distance(row, other) as f64;
             n_pairs += 1;
         }
     }

@@ -2,8 +2,12 @@
 
 mod kinds;
 
+use std::convert::Infallible;
+
 use self::kinds::find_kinds;
-use crate::command::{CommandScale, Commands, mean_squared_distance, with_metric};
+use crate::command::{
+    CommandScale, Commands, N_COMMAND_COLUMNS, compared, mean_squared_distance, with_metric,
+};
 use crate::em::EmError;
 use crate::frames::Frames;
 use crate::learnt::Source;
@@ -12,7 +16,9 @@ use crate::mds::MdsError;
 use crate::metric::{MetricError, MetricPlan};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
 use crate::plan::{FitPlan, LandmarkChoice, Method};
-use crate::response::{Response, ResponseError};
+use crate::reference::n_held;
+use crate::response::{INVALID, Response, ResponseError};
+use crate::stream::{FrameSource, InMemory, Stream, StreamError};
 
 /// Most readings that can be coordinates as they are.
 const N_READINGS_NATIVE_MAX: usize = N_DIMS_MAX;
@@ -20,7 +26,7 @@ const N_READINGS_NATIVE_MAX: usize = N_DIMS_MAX;
 /// A part of the work, for whoever shows progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// Reference frames that cover a trip too long to be kept.
+    /// Reading frames, and keeping those that cover them.
     References,
     /// Nearest neighbours of every frame.
     Neighbors,
@@ -91,6 +97,22 @@ pub enum FitError {
     AllEqual {
         /// Frames.
         n_frames: usize,
+    },
+    /// More than there is memory for.
+    #[error(
+        "{n_frames} reference frames of {n_columns} counts each, with {n_landmarks} landmarks, take {:.1} GB to fit, which this \
+         machine does not have; ask for fewer reference frames or fewer landmarks",
+        *n_bytes as f64 / 1e9
+    )]
+    NoRoom {
+        /// Reference frames asked for, or all that there are.
+        n_frames: usize,
+        /// Counts in one.
+        n_columns: usize,
+        /// Landmarks among them.
+        n_landmarks: usize,
+        /// Bytes for both.
+        n_bytes: usize,
     },
     /// Landmarks by means where there are none.
     #[error(
@@ -164,21 +186,18 @@ pub enum FitError {
 /// * `counts` — raw counts, shape `(n_trained, n_readings)`; frames without a valid reading should not be among them
 /// * `origin` — where the frames came from, for the record
 ///
-/// Deterministic for a plan on one machine. Holds the frames, once more those that are kept if not all are, their geodesics
-/// (n_frames × n_landmarks) and one n_landmarks² matrix.
+/// Deterministic for a plan on one machine. Holds the frames, up to four times those that are kept if not all are, their
+/// geodesics (n_frames × n_landmarks) and one n_landmarks² matrix.
 ///
 /// # Errors
 /// If the frames are too few or too much alike for the plan, or the plan asks for what there cannot be.
 pub fn fit(
-    mut counts: Vec<u16>,
+    counts: Vec<u16>,
     plan: &FitPlan,
     origin: Origin,
     progress: &mut Progress,
 ) -> Result<Model, FitError> {
-    let response = Response::new(&plan.response, plan.sensor.metres_per_count)?;
-    response.map_in_place(&mut counts);
-    let trained = Frames::new(plan.sensor.n_readings(), counts);
-    fit_source(Source::Trips(trained), response, None, plan, origin, progress)
+    fit_in_memory(counts, None, plan, origin, progress)
 }
 
 /// Fits a model to raw frames and what the robot had been told when it took each.
@@ -191,25 +210,121 @@ pub fn fit(
 /// # Panics
 /// If there are more or fewer commands than frames: a bug of the caller.
 pub fn fit_with_commands(
-    mut counts: Vec<u16>,
+    counts: Vec<u16>,
     commands: &Commands,
     plan: &FitPlan,
     origin: Origin,
     progress: &mut Progress,
 ) -> Result<Model, FitError> {
-    if plan.method == Method::Native {
-        return Err(FitError::NativeCommands { weight: commands.weight });
-    }
+    fit_in_memory(counts, Some(commands), plan, origin, progress)
+}
+
+fn fit_in_memory(
+    counts: Vec<u16>,
+    commands: Option<&Commands>,
+    plan: &FitPlan,
+    origin: Origin,
+    progress: &mut Progress,
+) -> Result<Model, FitError> {
     let n_readings = plan.sensor.n_readings();
-    assert_eq!(commands.of_frames.len() * n_readings, counts.len(), "a command for each frame");
-    let response = Response::new(&plan.response, plan.sensor.metres_per_count)?;
+    let fitted = if counts.len() / n_readings > plan.n_frames_max {
+        fit_stream(&mut InMemory::new(n_readings, counts), commands, plan, origin, progress)
+    } else {
+        fit_all(counts, commands, plan, origin, progress)
+    };
+    fitted.map_err(StreamError::of_fitting)
+}
+
+/// Fits a model to raw frames that are read, wherever they are.
+///
+/// Of frames that may all be kept, this is [`fit`] once they are read. Otherwise the reference frames are chosen in one pass
+/// and the others embedded in another. One more comes first where there are commands, for what they weigh, and one between
+/// where edges are asked for between frames that follow each other.
+///
+/// * `commands` — shape `(n_trained,)`, if frames are to be compared by them
+///
+/// Holds four times as many frames as are kept, some hundreds that were read and two thousand for the intrinsic dimension.
+///
+/// # Errors
+/// If frames cannot be read, and as [`fit`].
+///
+/// # Panics
+/// If there are more or fewer commands than frames: a bug of the caller.
+pub fn fit_stream<E: Send>(
+    source: &mut dyn FrameSource<Error = E>,
+    commands: Option<&Commands>,
+    plan: &FitPlan,
+    origin: Origin,
+    progress: &mut Progress,
+) -> Result<Model, StreamError<E>> {
+    let (n_trained, n_readings) = (source.n_frames(), plan.sensor.n_readings());
+    check_counts(plan, n_trained)?;
+    check_room(plan, n_trained, n_readings + commands.map_or(0, |_| N_COMMAND_COLUMNS))?;
+    if n_trained <= plan.n_frames_max {
+        let mut counts = vec![INVALID; n_trained * n_readings];
+        source.rewind().map_err(StreamError::Read)?;
+        for (index, frame) in counts.chunks_exact_mut(n_readings).enumerate() {
+            source.read(frame).map_err(StreamError::Read)?;
+            progress(Step::References, index + 1, n_trained);
+        }
+        return fit_all(counts, commands, plan, origin, progress);
+    }
+    check_commands(commands, n_trained, plan)?;
+    let response = Response::new(&plan.response, plan.sensor.metres_per_count).map_err(FitError::from)?;
+    let mut stream = Stream { source, n_readings, response: response.clone(), commands: None };
+    let mut scale = None;
+    if let Some(commands) = commands {
+        let mut done = |n_done| progress(Step::References, n_done, n_trained);
+        let readings = stream.pick(&compared(n_trained), &mut done).map_err(StreamError::Read)?;
+        let scale = scale.insert(command_scale(commands, &readings, plan)?);
+        stream.commands = Some((*scale, &commands.of_frames));
+    }
+    fit_source(Source::Stream(stream), response, scale, plan, origin, progress)
+}
+
+/// Fits a model that keeps all frames.
+fn fit_all<E: Send>(
+    mut counts: Vec<u16>,
+    commands: Option<&Commands>,
+    plan: &FitPlan,
+    origin: Origin,
+    progress: &mut Progress,
+) -> Result<Model, StreamError<E>> {
+    let n_readings = plan.sensor.n_readings();
+    check_commands(commands, counts.len() / n_readings, plan)?;
+    let response = Response::new(&plan.response, plan.sensor.metres_per_count).map_err(FitError::from)?;
     response.map_in_place(&mut counts);
+    let (trained, scale) = match commands {
+        Some(commands) => {
+            let compared: Vec<u16> = compared(counts.len() / n_readings)
+                .into_iter()
+                .flat_map(|index| &counts[index * n_readings..][..n_readings])
+                .copied()
+                .collect();
+            let scale = command_scale(commands, &compared, plan)?;
+            (scale.append(counts, n_readings, &commands.of_frames), Some(scale))
+        }
+        None => (Frames::new(n_readings, counts), None),
+    };
+    fit_source(Source::All(trained), response, scale, plan, origin, progress)
+}
+
+/// * `compared` — frames by which commands are weighed, on the response's scale: see [`mean_squared_distance`]
+fn command_scale(commands: &Commands, compared: &[u16], plan: &FitPlan) -> Result<CommandScale, FitError> {
     let metric = plan.metric.compile(plan.sensor)?;
+    let n_readings = plan.sensor.n_readings();
     let of_readings =
-        with_metric!(&metric, None, |metric| mean_squared_distance(&counts, n_readings, metric));
-    let scale = CommandScale::new(commands, of_readings);
-    let trained = scale.append(counts, n_readings, &commands.of_frames);
-    fit_source(Source::Trips(trained), response, Some(scale), plan, origin, progress)
+        with_metric!(&metric, None, |metric| mean_squared_distance(compared, n_readings, metric));
+    Ok(CommandScale::new(commands, of_readings))
+}
+
+fn check_commands(commands: Option<&Commands>, n_frames: usize, plan: &FitPlan) -> Result<(), FitError> {
+    let Some(commands) = commands else { return Ok(()) };
+    assert_eq!(commands.of_frames.len(), n_frames, "a command for each frame");
+    match plan.method {
+        Method::Native => Err(FitError::NativeCommands { weight: commands.weight }),
+        _ => Ok(()),
+    }
 }
 
 /// Fits a model by a method to the reference frames of another, with all else but the size as that one's plan has it.
@@ -229,20 +344,21 @@ pub fn refit(model: &Model, method: Method, size: Size, progress: &mut Progress)
     };
     let plan = FitPlan { method, n_neighbors, n_dims, n_kinds, ..plan.clone() };
     let origin = provenance.origin.clone();
-    fit_source(Source::Model(model), model.response().clone(), *commands, &plan, origin, progress)
+    let (source, response) = (Source::<Infallible>::Model(model), model.response().clone());
+    fit_source(source, response, *commands, &plan, origin, progress).map_err(StreamError::of_fitting)
 }
 
-fn fit_source(
-    source: Source,
+fn fit_source<E: Send>(
+    source: Source<E>,
     response: Response,
     commands: Option<CommandScale>,
     plan: &FitPlan,
     origin: Origin,
     progress: &mut Progress,
-) -> Result<Model, FitError> {
+) -> Result<Model, StreamError<E>> {
     let n_trained = source.n_trained();
     check_counts(plan, n_trained)?;
-    let metric = plan.metric.compile(plan.sensor)?;
+    let metric = plan.metric.compile(plan.sensor).map_err(FitError::from)?;
     let mut provenance = Provenance {
         made_by: format!("natural-kinds {}", env!("CARGO_PKG_VERSION")),
         origin,
@@ -285,6 +401,28 @@ fn fit_source(
     };
     model.id = crate::file::id_of(&model);
     Ok(model)
+}
+
+/// Whether memory can be had for what will be held of frames, geodesics and landmarks, before long work.
+fn check_room(plan: &FitPlan, n_trained: usize, n_columns: usize) -> Result<(), FitError> {
+    let n_bytes = n_bytes_held(plan, n_trained, n_columns);
+    Vec::<u8>::new().try_reserve_exact(n_bytes).map_err(|_| no_room(plan, n_trained, n_columns))
+}
+
+pub(crate) fn no_room(plan: &FitPlan, n_trained: usize, n_columns: usize) -> FitError {
+    let n_frames = plan.n_frames_max.min(n_trained);
+    let (n_landmarks, n_bytes) = (plan.n_landmarks.min(n_frames), n_bytes_held(plan, n_trained, n_columns));
+    FitError::NoRoom { n_frames, n_columns, n_landmarks, n_bytes }
+}
+
+fn n_bytes_held(plan: &FitPlan, n_trained: usize, n_columns: usize) -> usize {
+    let n_frames = plan.n_frames_max.min(n_trained);
+    let n_landmarks = plan.n_landmarks.min(n_frames);
+    let array =
+        |rows: usize, columns: usize, n_bytes: usize| rows.saturating_mul(columns).saturating_mul(n_bytes);
+    array(n_held(plan.n_frames_max, n_trained), n_columns, size_of::<u16>())
+        .saturating_add(array(n_frames, n_landmarks, size_of::<f32>()))
+        .saturating_add(array(n_landmarks, n_landmarks, 2 * size_of::<f64>()))
 }
 
 fn check_counts(plan: &FitPlan, n_trained: usize) -> Result<(), FitError> {

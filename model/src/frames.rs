@@ -1,9 +1,11 @@
 //! The frames of one sensor on the response's scale, one row a frame.
 
+use std::collections::TryReserveError;
+use std::ops::Deref;
 use std::sync::Arc;
 
 use crate::array::Array;
-use crate::blocks::Blocks;
+use crate::blocks::{Blocks, Sketch};
 
 /// What one frame of a sensor looks like. Frames of another layout cannot be compared with these.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -47,10 +49,10 @@ impl std::fmt::Display for SensorLayout {
 /// N frames of D readings, counts on the response's scale, and whatever else frames are compared by behind them: shape
 /// `(n_frames, n_columns)`, of which the first `n_readings` columns are the sensor's.
 #[derive(Clone, Debug)]
-pub struct Frames {
+pub struct Frames<C = Array<u16>> {
     n_readings: usize,
     n_columns: usize,
-    counts: Array<u16>,
+    counts: C,
     /// None where nothing is looked for among them, or so far.
     blocks: Option<Arc<Blocks>>,
 }
@@ -91,8 +93,10 @@ impl Frames {
         }
         self
     }
+}
 
-    /// By which to search them, once they are [`indexed`](Self::indexed).
+impl<C: Deref<Target = [u16]>> Frames<C> {
+    /// By which to search them, once they are [`indexed`](Frames::indexed).
     pub(crate) fn blocks(&self) -> Option<&Blocks> {
         self.blocks.as_deref()
     }
@@ -122,17 +126,76 @@ impl Frames {
         &self.row(frame_index)[..self.n_readings]
     }
 
-    /// Copies some of the frames.
-    ///
-    /// * `indices` — of the frames to copy, in the order in which they are to stand
-    pub(crate) fn select(&self, indices: &[u32]) -> Self {
-        let mut counts = Vec::with_capacity(indices.len() * self.n_columns);
-        indices.iter().for_each(|&index| counts.extend_from_slice(self.row(index as usize)));
-        Self::with_more_columns(self.n_readings, self.n_columns - self.n_readings, counts)
-    }
-
     /// All counts, row after row.
     pub fn counts(&self) -> &[u16] {
         &self.counts
+    }
+}
+
+/// Frames that come one after the other, ready to be searched at any time.
+pub(crate) struct GrowingFrames {
+    frames: Frames<Vec<u16>>,
+    sketch: Sketch,
+}
+
+impl GrowingFrames {
+    /// None yet.
+    ///
+    /// * `n_columns` — `n_readings`, and what else frames are compared by
+    /// * `n_frames_max` — frames that memory is reserved for
+    ///
+    /// # Errors
+    /// If there is not so much memory.
+    pub(crate) fn new(
+        sensor: SensorLayout,
+        n_columns: usize,
+        n_frames_max: usize,
+    ) -> Result<Self, TryReserveError> {
+        let mut counts = Vec::new();
+        counts.try_reserve_exact(n_frames_max.saturating_mul(n_columns))?;
+        let blocks = Blocks::none(sensor, n_frames_max);
+        let sketch = blocks.sketch();
+        let frames =
+            Frames { n_readings: sensor.n_readings(), n_columns, counts, blocks: Some(Arc::new(blocks)) };
+        Ok(Self { frames, sketch })
+    }
+
+    /// Adds a frame.
+    ///
+    /// * `row` — shape `(n_columns,)`
+    pub(crate) fn push(&mut self, row: &[u16]) {
+        let Self { frames, sketch } = self;
+        assert_eq!(row.len(), frames.n_columns, "frames have as many columns as each other");
+        let blocks = frames.blocks.as_mut().and_then(Arc::get_mut).expect("blocks that nobody shares");
+        blocks.push(sketch, &row[..frames.n_readings]);
+        frames.counts.extend_from_slice(row);
+    }
+
+    /// Keeps some of the frames and forgets the others.
+    ///
+    /// * `indices` — ascending
+    pub(crate) fn keep(&mut self, indices: &[u32]) {
+        let Self { frames, sketch } = self;
+        let n_columns = frames.n_columns;
+        let blocks = frames.blocks.as_mut().and_then(Arc::get_mut).expect("blocks that nobody shares");
+        blocks.clear();
+        for (to, &from) in indices.iter().enumerate() {
+            let from = from as usize * n_columns;
+            frames.counts.copy_within(from..from + n_columns, to * n_columns);
+            blocks.push(sketch, &frames.counts[to * n_columns..][..frames.n_readings]);
+        }
+        frames.counts.truncate(indices.len() * n_columns);
+    }
+
+    /// As they are now.
+    pub(crate) fn frames(&self) -> &Frames<Vec<u16>> {
+        &self.frames
+    }
+
+    /// For good.
+    pub(crate) fn into_frames(self) -> Frames {
+        let Frames { n_readings, n_columns, mut counts, blocks } = self.frames;
+        counts.shrink_to_fit();
+        Frames { n_readings, n_columns, counts: counts.into(), blocks }
     }
 }

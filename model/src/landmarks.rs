@@ -1,11 +1,14 @@
 //! Landmarks: the reference frames that geodesics are measured from.
 
+use std::ops::Deref;
+
 use rand::RngExt;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 
+use crate::blocks::{Bounded, Bounds, Sketch};
 use crate::frames::Frames;
 use crate::metric::Metric;
 use crate::plan::LandmarkChoice;
@@ -34,9 +37,7 @@ pub fn choose(
     }
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut landmarks: Vec<u32> = match choice {
-        LandmarkChoice::Random => {
-            index::sample(&mut random, n_frames, n_landmarks).into_iter().map(|index| index as u32).collect()
-        }
+        LandmarkChoice::Random => return at_random(n_frames, n_landmarks, seed),
         LandmarkChoice::Farthest => {
             let first = random.random_range(0..n_frames as u32);
             and_farthest(frames, metric, vec![first], n_landmarks)
@@ -50,14 +51,33 @@ pub fn choose(
     landmarks
 }
 
+/// Any of the frames, each as likely, by rising index. All of them if there are no more.
+pub(crate) fn at_random(n_frames: usize, n_chosen: usize, seed: u64) -> Vec<u32> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let chosen = index::sample(&mut random, n_frames, n_chosen.min(n_frames));
+    let mut chosen: Vec<u32> = chosen.into_iter().map(|index| index as u32).collect();
+    chosen.sort_unstable();
+    chosen
+}
+
 /// How far each frame is from the nearest of the frames chosen so far, and which that is.
-pub(crate) struct Cover<'a, M> {
-    frames: &'a Frames,
+pub(crate) struct Cover<'a, M, C> {
+    frames: &'a Frames<C>,
     metric: &'a M,
+    /// Where frames are indexed and the metric allows bounds.
+    bounding: Option<Bounding>,
     /// In the order in which they were chosen.
     chosen: Vec<u32>,
     /// Of the chosen, none: they are not chosen again.
     nearest: Vec<Option<Chosen>>,
+}
+
+/// What tells by bounds that a frame is no nearer than those before.
+struct Bounding {
+    /// Of the frame chosen last.
+    sketch: Sketch,
+    /// Of every frame from it, shape `(n_chunks, LANES)`.
+    coarse: Vec<Bounds>,
 }
 
 /// The chosen frame nearest to another.
@@ -72,24 +92,47 @@ struct Chosen {
 /// Counts² that rounding of squared distances to whole ones can take from the triangle inequality, and more.
 const ROUNDING: u64 = 8;
 
-impl<'a, M: Metric> Cover<'a, M> {
-    pub(crate) fn new(frames: &'a Frames, metric: &'a M) -> Self {
+impl<'a, M: Metric, C: Deref<Target = [u16]> + Sync> Cover<'a, M, C> {
+    pub(crate) fn new(frames: &'a Frames<C>, metric: &'a M) -> Self {
         let none = Chosen { squared: u64::MAX, rank: usize::MAX };
-        Self { frames, metric, chosen: Vec::new(), nearest: vec![Some(none); frames.n_frames()] }
+        let blocks = frames.blocks().filter(|_| M::IS_EUCLIDEAN_OR_MORE);
+        let bounding = blocks.map(|blocks| Bounding {
+            sketch: blocks.sketch(),
+            coarse: vec![Bounds::default(); blocks.n_chunks()],
+        });
+        Self { frames, metric, bounding, chosen: Vec::new(), nearest: vec![Some(none); frames.n_frames()] }
     }
 
     /// Adds a frame to the chosen.
     pub(crate) fn choose(&mut self, chosen: u32) {
-        let row = self.frames.row(chosen as usize);
-        let squared_to = |index: u32| self.metric.squared_distance(row, self.frames.row(index as usize));
+        let Self { frames, metric, .. } = *self;
+        let row = frames.row(chosen as usize);
+        let squared_to = |index: u32| metric.squared_distance(row, frames.row(index as usize));
         let rank = self.chosen.len();
-        let apart: Vec<u64> = self.chosen.par_iter().map(|&before| squared_to(before)).collect();
+        let bounded = self.bounding.as_mut().zip(frames.blocks()).map(|(bounding, blocks)| {
+            bounding.sketch.draw(&row[..frames.n_readings()]);
+            blocks.coarse_bounds(&bounding.sketch, &mut bounding.coarse);
+            (&*bounding, blocks)
+        });
+        let apart: Vec<u64> = match bounded {
+            Some(_) => Vec::new(),
+            None => self.chosen.par_iter().map(|&before| squared_to(before)).collect(),
+        };
         self.nearest.par_iter_mut().enumerate().for_each(|(index, nearest)| {
             let Some(nearest) = nearest else { return };
-            // By the triangle inequality: if the chosen one is more than twice as far from the nearest before it as that is
-            // from the frame, it is farther from the frame.
-            let twice = nearest.squared.saturating_mul(4).saturating_add(ROUNDING);
-            if apart.get(nearest.rank).is_some_and(|&apart| apart > twice) {
+            let is_farther = match bounded {
+                Some((Bounding { sketch, coarse }, blocks)) => {
+                    let (frame_index, bound) = (index as u32, coarse.as_flattened()[index]);
+                    blocks.is_beyond(sketch, Bounded { bound, frame_index }, nearest.squared)
+                }
+                // By the triangle inequality: if the chosen one is more than twice as far from the nearest before it as that
+                // is from the frame, it is farther from the frame.
+                None => {
+                    let twice = nearest.squared.saturating_mul(4).saturating_add(ROUNDING);
+                    apart.get(nearest.rank).is_some_and(|&apart| apart > twice)
+                }
+            };
+            if is_farther {
                 return;
             }
             let squared = squared_to(index as u32);
@@ -102,17 +145,9 @@ impl<'a, M: Metric> Cover<'a, M> {
         self.chosen.push(chosen);
     }
 
-    /// The chosen frame nearest to each frame, of equals the lowest, itself for a chosen one: its position among all chosen
-    /// by rising index.
-    pub(crate) fn nearest(&self) -> Vec<u32> {
-        let mut ascending: Vec<usize> = (0..self.chosen.len()).collect();
-        ascending.sort_unstable_by_key(|&rank| self.chosen[rank]);
-        let mut positions = vec![0; self.chosen.len()];
-        (0..).zip(&ascending).for_each(|(position, &rank)| positions[rank] = position);
-        let mut nearest: Vec<u32> =
-            self.nearest.iter().map(|nearest| nearest.map_or(0, |nearest| positions[nearest.rank])).collect();
-        (0..).zip(&ascending).for_each(|(position, &rank)| nearest[self.chosen[rank] as usize] = position);
-        nearest
+    /// Farthest that a frame is from the nearest chosen one, counts²; 0 where all are chosen.
+    pub(crate) fn squared_radius(&self) -> u64 {
+        self.nearest.iter().flatten().map(|nearest| nearest.squared).max().unwrap_or(0)
     }
 
     /// The frame farthest from all chosen; of equals the lowest.
@@ -226,6 +261,7 @@ mod tests {
 
     use super::*;
     use crate::metric::Euclidean;
+    use crate::testing::{SORTS, frames_of, layout};
 
     /// A hundred frames at one place, two at another, and one far from both.
     fn uneven() -> Frames {
@@ -278,6 +314,21 @@ mod tests {
     fn frames_that_are_all_alike_still_make_as_many_landmarks_as_were_asked_for() {
         for choice in [Random, Farthest, KMeans] {
             assert_eq!(choose(&Frames::new(3, vec![7; 30]), &Euclidean, 4, choice, 1).len(), 4);
+        }
+    }
+
+    #[test]
+    fn bounds_and_the_triangle_inequality_choose_the_same_frames() {
+        for sort in SORTS {
+            for (rows, columns) in [(1, 7), (1, 300), (30, 40)] {
+                let sensor = layout(rows, columns);
+                let frames = Frames::new(sensor.n_readings(), frames_of(sort, sensor, 90, 4));
+                for choice in [Farthest, KMeans] {
+                    let plain = choose(&frames, &Euclidean, 30, choice, 5);
+                    let bounded = choose(&frames.clone().indexed(sensor), &Euclidean, 30, choice, 5);
+                    assert_eq!(plain, bounded, "{sort:?}, {rows} × {columns}, {choice:?}");
+                }
+            }
         }
     }
 

@@ -1,83 +1,127 @@
 //! The frames that a model is learnt from: those that it keeps, and those that it embeds out of sample and lets go.
 
-use rayon::prelude::*;
-
-use crate::fit::{Progress, Step};
-use crate::frames::Frames;
+use crate::fit::{Progress, Step, no_room};
+use crate::frames::{Frames, GrowingFrames};
 use crate::graph::Edge;
 use crate::intrinsic_dims::{IntrinsicDims, N_NEIGHBORS_USED};
 use crate::landmarks;
 use crate::metric::Metric;
 use crate::model::{Model, Origin};
-use crate::neighbors::{NeighborLists, length, nearest_of_each};
+use crate::neighbors::{NeighborLists, length, nearest_of_each, neighbor};
 use crate::out_of_sample::{Manifold, Placer};
-use crate::plan::{FitPlan, LandmarkChoice};
-use crate::reference::ReferenceSet;
-use crate::tally::Tally;
+use crate::plan::FitPlan;
+use crate::reference::{Kept, ReferenceSet};
+use crate::search::Search;
+use crate::stream::{Stream, StreamError};
 
 /// Frames at random that suffice to estimate an intrinsic dimension d to d / √2000, two hundredths.
 const N_FRAMES_SAMPLED: usize = 2000;
 
-/// Frames that a thread places in one go.
-const N_FRAMES_AT_ONCE: usize = 64;
-
 /// Where the frames that a model is learnt from are.
-pub(crate) enum Source<'a> {
-    /// In trips, all of them, on the response's scale and with their commands.
-    Trips(Frames),
+pub(crate) enum Source<'a, E> {
+    /// In memory, on the response's scale and with their commands: all of them are reference frames.
+    All(Frames),
+    /// Wherever they are read from: some of them are reference frames.
+    Stream(Stream<'a, E>),
     /// In another model, as far as it has kept them.
     Model(&'a Model),
 }
 
-impl Source<'_> {
+impl<E: Send> Source<'_, E> {
     /// Frames that kinds are learnt from.
     pub(crate) fn n_trained(&self) -> usize {
         match self {
-            Self::Trips(trained) => trained.n_frames(),
+            Self::All(trained) => trained.n_frames(),
+            Self::Stream(stream) => stream.n_frames(),
             Self::Model(model) => model.references().n_trained(),
         }
     }
 }
 
 /// The frames that a model is learnt from.
-pub(crate) struct Learnt {
+pub(crate) struct Learnt<'a, E> {
     /// The reference frames.
     pub(crate) frames: Frames,
-    pub(crate) references: ReferenceSet,
-    /// Counts.
-    pub(crate) covering_radius: f32,
+    trained: Trained<'a, E>,
     /// Of the trained frames. None where these are the reference frames, whose neighbours will tell.
     intrinsic_dims: Option<IntrinsicDims>,
-    /// All of them, a row each. None where they are gone.
-    trained: Option<Frames>,
 }
 
-impl Learnt {
+/// What there is of the trained frames, beyond the reference frames.
+enum Trained<'a, E> {
+    /// There are no others.
+    AsKept,
+    /// They can be read again.
+    Read {
+        stream: Stream<'a, E>,
+        /// Which of them the reference frames are, ascending.
+        kept: Vec<u32>,
+    },
+    /// They are gone.
+    Gone(&'a Model),
+}
+
+/// Where the trained frames are.
+pub(crate) struct Placed {
+    pub(crate) references: ReferenceSet,
+    /// Farthest that a trained frame is from the nearest reference frame, counts.
+    pub(crate) covering_radius: f32,
+    /// Of every trained frame, shape `(n_trained, n_dims)`.
+    pub(crate) coordinates: Vec<f64>,
+}
+
+impl<'a, E: Send> Learnt<'a, E> {
     /// Chooses the frames that a model is to keep, or takes those that another one kept.
-    pub(crate) fn by(metric: &impl Metric, source: Source, plan: &FitPlan, progress: &mut Progress) -> Self {
+    ///
+    /// # Errors
+    /// If frames cannot be read, or there is no memory for those to keep.
+    pub(crate) fn by(
+        metric: &impl Metric,
+        source: Source<'a, E>,
+        plan: &FitPlan,
+        progress: &mut Progress,
+    ) -> Result<Self, StreamError<E>> {
         match source {
-            Source::Trips(trained) => {
-                let mut done = |n_done| progress(Step::References, n_done, plan.n_frames_max);
-                let references = ReferenceSet::choose(&trained, metric, plan.n_frames_max, &mut done);
-                Self {
-                    frames: references.of(&trained).indexed(plan.sensor),
-                    covering_radius: references.covering_radius(&trained, metric),
-                    intrinsic_dims: (!references.is_all()).then(|| sampled_dims(&trained, metric, plan)),
-                    references,
-                    trained: Some(trained),
-                }
+            Source::All(trained) => {
+                let frames = trained.indexed(plan.sensor);
+                Ok(Self { frames, trained: Trained::AsKept, intrinsic_dims: None })
             }
-            Source::Model(model) => {
-                let provenance = &model.manifest().provenance;
-                Self {
-                    frames: model.frames().clone(),
-                    references: model.references().clone(),
-                    covering_radius: provenance.covering_radius,
-                    intrinsic_dims: Some(provenance.intrinsic_dims),
-                    trained: None,
-                }
-            }
+            Source::Stream(stream) => Self::choose(metric, stream, plan, progress),
+            Source::Model(model) => Ok(Self {
+                frames: model.frames().clone(),
+                trained: Trained::Gone(model),
+                intrinsic_dims: Some(model.manifest().provenance.intrinsic_dims),
+            }),
         }
+    }
+
+    /// Chooses reference frames in one pass.
+    fn choose(
+        metric: &impl Metric,
+        mut stream: Stream<'a, E>,
+        plan: &FitPlan,
+        progress: &mut Progress,
+    ) -> Result<Self, StreamError<E>> {
+        let (n_trained, n_columns) = (stream.n_frames(), stream.n_columns());
+        let no_room = |_| no_room(plan, n_trained, n_columns);
+        let mut kept =
+            Kept::new(metric, plan.sensor, n_columns, plan.n_frames_max, n_trained).map_err(no_room)?;
+        let sample = landmarks::at_random(n_trained, N_FRAMES_SAMPLED, plan.seed);
+        let mut sampled = GrowingFrames::new(plan.sensor, n_columns, sample.len()).map_err(no_room)?;
+        let pass = stream.pass(&mut |first, rows| {
+            kept.pass(first, rows);
+            for (index, row) in (first as u32..).zip(rows.chunks_exact(n_columns)) {
+                // Sampled frames come in their order.
+                if sample.get(sampled.frames().n_frames()) == Some(&index) {
+                    sampled.push(row);
+                }
+            }
+            progress(Step::References, first + rows.len() / n_columns, n_trained);
+        });
+        pass.map_err(StreamError::Read)?;
+        let (frames, kept) = kept.into_references();
+        let intrinsic_dims = Some(dims_of(sampled.into_frames(), metric));
+        Ok(Self { frames, trained: Trained::Read { stream, kept }, intrinsic_dims })
     }
 
     /// Dimensions that the trained frames fill.
@@ -87,65 +131,103 @@ impl Learnt {
         self.intrinsic_dims.unwrap_or_else(|| IntrinsicDims::estimate(lists))
     }
 
-    /// Edges between reference frames that stand for frames which follow each other in a trip.
-    pub(crate) fn edges_in_time(&self, metric: &impl Metric, origin: &Origin) -> Vec<Edge> {
+    /// Edges between reference frames that stand for frames which follow each other in a trip. Where not all trained frames
+    /// are at hand, in a pass of its own.
+    ///
+    /// # Errors
+    /// If frames cannot be read.
+    pub(crate) fn edges_in_time(
+        &mut self,
+        metric: &impl Metric,
+        origin: &Origin,
+        progress: &mut Progress,
+    ) -> Result<Vec<Edge>, StreamError<E>> {
+        let frames = &self.frames;
+        let references = match &mut self.trained {
+            Trained::AsKept => ReferenceSet::all(frames.n_frames()),
+            Trained::Gone(model) => model.references().clone(),
+            Trained::Read { stream, kept } => {
+                let n_trained = stream.n_frames();
+                let nearest = stream.map(
+                    || Search::new(frames, 1),
+                    |search, index, row| match kept.binary_search(&index) {
+                        Ok(reference) => reference as u32,
+                        Err(_) => search.nearest(frames, metric, row)[0].frame_index,
+                    },
+                    &mut |n_done| progress(Step::References, n_done, n_trained),
+                );
+                let nearest = nearest.map_err(StreamError::Read)?;
+                ReferenceSet::from_parts(kept.clone().into(), nearest.into())
+            }
+        };
         let edge = |(a, b): (u32, u32)| {
-            let squared = metric.squared_distance(self.frames.row(a as usize), self.frames.row(b as usize));
+            let squared = metric.squared_distance(frames.row(a as usize), frames.row(b as usize));
             Edge { a, b, length: length(squared) }
         };
-        self.references.consecutive(&origin.trips(self.references.n_trained())).map(edge).collect()
+        Ok(references.consecutive(&origin.trips(references.n_trained())).map(edge).collect())
     }
 
-    /// Coordinates of every trained frame, shape `(n_trained, n_dims)`: the others are placed as frames are that the model
+    /// Places every trained frame: reference frames where they are, the others in a pass over them, as frames are that the model
     /// will be served, or where they are gone, at the reference frame that stands for them.
     ///
-    /// * `kept` — coordinates of the reference frames, shape `(n_frames, n_dims)`
+    /// * `at` — coordinates of the reference frames, shape `(n_frames, n_dims)`
     ///
-    /// The same on any number of threads. O(n_trained · n_frames) distances.
+    /// The same on any number of threads. O(n_trained · n_frames) distances at worst.
+    ///
+    /// # Errors
+    /// If frames cannot be read.
     pub(crate) fn place(
-        &self,
+        self,
         metric: &impl Metric,
         manifold: Manifold,
         n_neighbors: usize,
-        kept: Vec<f64>,
+        at: Vec<f64>,
         progress: &mut Progress,
-    ) -> Vec<f64> {
-        if self.references.is_all() {
-            return kept;
-        }
-        let n_trained = self.references.n_trained();
-        let n_dims = kept.len() / self.frames.n_frames();
-        let mut coordinates = vec![0.0; n_trained * n_dims];
-        let mut told =
-            |n_done| progress(Step::Embedding, n_trained.min(n_done * N_FRAMES_AT_ONCE), n_trained);
-        let tally = Tally::new(&mut told);
-        let chunks = coordinates.par_chunks_mut(N_FRAMES_AT_ONCE * n_dims).enumerate();
-        let placer = || Placer::new(manifold, n_neighbors);
-        chunks.with_max_len(1).for_each_init(placer, |placer, (chunk, places)| {
-            for (index, place) in (chunk * N_FRAMES_AT_ONCE..).zip(places.chunks_exact_mut(n_dims)) {
-                let nearest = self.references.nearest()[index] as usize;
-                match &self.trained {
-                    Some(trained) if self.references.indices()[nearest] as usize != index => {
-                        placer.place(metric, manifold, trained.row(index), place);
-                    }
-                    _ => place.copy_from_slice(&kept[nearest * n_dims..][..n_dims]),
-                }
+    ) -> Result<Placed, StreamError<E>> {
+        let n_frames = self.frames.n_frames();
+        let n_dims = at.len() / n_frames;
+        let at_reference = |reference: usize| &at[reference * n_dims..][..n_dims];
+        match self.trained {
+            Trained::AsKept => {
+                let references = ReferenceSet::all(n_frames);
+                Ok(Placed { references, covering_radius: 0.0, coordinates: at })
             }
-            tally.add();
-        });
-        coordinates
+            Trained::Gone(model) => {
+                let references = model.references().clone();
+                let places = references.nearest().iter().map(|&nearest| at_reference(nearest as usize));
+                let coordinates = places.flatten().copied().collect();
+                let covering_radius = model.manifest().provenance.covering_radius;
+                Ok(Placed { references, covering_radius, coordinates })
+            }
+            Trained::Read { mut stream, kept } => {
+                let n_trained = stream.n_frames();
+                let placed = stream.map(
+                    || Placer::new(manifold, n_neighbors),
+                    |placer, index, row| match kept.binary_search(&index) {
+                        Ok(reference) => (neighbor(reference, 0), at_reference(reference).to_vec()),
+                        Err(_) => {
+                            let mut place = vec![0.0; n_dims];
+                            (placer.place(metric, manifold, row, &mut place), place)
+                        }
+                    },
+                    &mut |n_done| progress(Step::Embedding, n_done, n_trained),
+                );
+                let placed = placed.map_err(StreamError::Read)?;
+                let nearest: Vec<u32> = placed.iter().map(|(nearest, _)| nearest.frame_index).collect();
+                let squared_radius = placed.iter().map(|(nearest, _)| nearest.squared_distance).max();
+                Ok(Placed {
+                    references: ReferenceSet::from_parts(kept.into(), nearest.into()),
+                    covering_radius: length(squared_radius.unwrap_or(0)),
+                    coordinates: placed.into_iter().flat_map(|(_, place)| place).collect(),
+                })
+            }
+        }
     }
 }
 
 /// Dimensions that trained frames fill, by some of them at random. Frames that were chosen to be far from each other are no
 /// measure: their neighbours are all as far as the next, as in a space of many dimensions.
-fn sampled_dims(trained: &Frames, metric: &impl Metric, plan: &FitPlan) -> IntrinsicDims {
-    let sample = landmarks::choose(trained, metric, N_FRAMES_SAMPLED, LandmarkChoice::Random, plan.seed);
-    let n_listed = N_NEIGHBORS_USED.min(sample.len() - 1);
-    IntrinsicDims::estimate(&nearest_of_each(
-        &trained.select(&sample).indexed(plan.sensor),
-        metric,
-        n_listed,
-        &mut |_| (),
-    ))
+fn dims_of(sampled: Frames, metric: &impl Metric) -> IntrinsicDims {
+    let n_listed = N_NEIGHBORS_USED.min(sampled.n_frames() - 1);
+    IntrinsicDims::estimate(&nearest_of_each(&sampled, metric, n_listed, &mut |_| ()))
 }

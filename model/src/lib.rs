@@ -67,6 +67,7 @@ pub mod response;
 mod search;
 mod simd;
 mod squares;
+mod stream;
 mod tally;
 #[cfg(test)]
 mod testing;
@@ -75,7 +76,7 @@ pub use classify::{Classification, Classifier, Status};
 pub use command::{Command, CommandColumn, CommandScale, Commands};
 pub use em::{Covariance, EmPlan, StartsOn};
 pub use file::ModelFileError;
-pub use fit::{FitError, Size, Step, fit, fit_with_commands, refit};
+pub use fit::{FitError, Size, Step, fit, fit_stream, fit_with_commands, refit};
 pub use frames::{Frames, SensorLayout};
 pub use intrinsic_dims::IntrinsicDims;
 pub use metric::{MetricError, MetricPlan};
@@ -86,3 +87,4 @@ pub use model::{
 pub use plan::{FitPlan, KindsBy, LandmarkChoice, Method};
 pub use reference::ReferenceSet;
 pub use response::{Response, ResponsePlan, Scale};
+pub use stream::{FrameSource, StreamError};

@@ -8,7 +8,7 @@ use crate::geodesics::Geodesics;
 use crate::graph::{Edge, Graph};
 use crate::intrinsic_dims::N_NEIGHBORS_USED;
 use crate::landmarks;
-use crate::learnt::{Learnt, Source};
+use crate::learnt::{Learnt, Placed, Source};
 use crate::lengths::Lengths;
 use crate::mds::Embedding;
 use crate::metric::Metric;
@@ -21,6 +21,7 @@ use crate::reference::ReferenceSet;
 use crate::residual_variance::{
     N_DIMS_BEYOND_ELBOW, N_DIMS_REPORTED, elbow, fewest_within_tolerance, residual_variance,
 };
+use crate::stream::StreamError;
 
 /// All that follows from how far apart frames are.
 pub(crate) struct Located {
@@ -51,15 +52,18 @@ struct Links<'a, M> {
 
 impl Located {
     /// By a metric, for which its loops are compiled.
-    pub(crate) fn by<M: Metric>(
+    ///
+    /// # Errors
+    /// If frames cannot be read, or their lengths make no coordinates.
+    pub(crate) fn by<M: Metric, E: Send>(
         metric: &M,
-        source: Source,
+        source: Source<E>,
         plan: &FitPlan,
         provenance: &mut Provenance,
         progress: &mut Progress,
-    ) -> Result<Self, FitError> {
-        let learnt = Learnt::by(metric, source, plan, progress);
-        let frames = &learnt.frames;
+    ) -> Result<Self, StreamError<E>> {
+        let mut learnt = Learnt::by(metric, source, plan, progress)?;
+        let frames = &learnt.frames.clone();
         let n_frames = frames.n_frames();
         // As many as anything asks for: those beyond ns cost next to nothing.
         let n_listed =
@@ -71,10 +75,9 @@ impl Located {
             _ => landmarks::choose(frames, metric, plan.n_landmarks, plan.landmark_choice, plan.seed),
         };
         let in_time = match plan.consecutive_edges {
-            true => learnt.edges_in_time(metric, &provenance.origin),
+            true => learnt.edges_in_time(metric, &provenance.origin, progress)?,
             false => Vec::new(),
         };
-        provenance.covering_radius = learnt.covering_radius;
         provenance.intrinsic_dims = learnt.intrinsic_dims(&lists);
         let links = Links { frames, metric, lists: &lists, in_time: &in_time };
         let n_neighbors = links.find_neighbors(&landmarks, plan, provenance, progress);
@@ -102,14 +105,15 @@ impl Located {
             geodesics: geodesics.as_ref(),
             embedding: embedding.as_ref(),
         };
-        let coordinates = learnt.place(metric, manifold, n_neighbors, kept, progress);
+        let placed = learnt.place(metric, manifold, n_neighbors, kept, progress)?;
         progress(Step::Embedding, 1, 1);
+        let Placed { references, covering_radius, coordinates } = placed;
+        provenance.covering_radius = covering_radius;
         let mut squared_radii: Vec<u64> =
             lists.nearest(n_neighbors).map(|list| list[n_neighbors - 1].squared_distance).collect();
         squared_radii.sort_unstable();
-        let Learnt { frames, references, .. } = learnt;
         Ok(Self {
-            frames,
+            frames: frames.clone(),
             references,
             n_neighbors,
             landmarks,

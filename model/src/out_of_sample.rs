@@ -5,6 +5,7 @@ use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::mds::Embedding;
 use crate::metric::Metric;
+use crate::neighbors::Neighbor;
 use crate::search::Search;
 
 /// What a frame is placed by: parts of a model, or of one that is being fitted.
@@ -40,7 +41,7 @@ impl Placer {
         }
     }
 
-    /// Places one frame, and returns its squared distance to the nearest reference frame, counts².
+    /// Places one frame, and returns the reference frame nearest to it.
     ///
     /// * `mapped` — the frame on the response's scale and its command, shape `(n_columns,)`
     /// * `coordinates` — shape `(n_dims,)`, counts; overwritten
@@ -52,8 +53,8 @@ impl Placer {
         manifold: Manifold,
         mapped: &[u16],
         coordinates: &mut [f64],
-    ) -> u64 {
-        let squared_to_nearest = self.measure(metric, manifold, mapped);
+    ) -> Neighbor {
+        let nearest = self.measure(metric, manifold, mapped);
         match manifold.embedding {
             Some(embedding) => embedding.embed(&self.squared_geodesics, coordinates),
             None => coordinates
@@ -61,12 +62,12 @@ impl Placer {
                 .zip(mapped)
                 .for_each(|(coordinate, &count)| *coordinate = f64::from(count)),
         }
-        squared_to_nearest
+        nearest
     }
 
-    /// Fills δ (squared shortest lengths to the landmarks, or squared distances; nothing in native space) and finds how far the
-    /// nearest reference frame is.
-    fn measure(&mut self, metric: &impl Metric, manifold: Manifold, mapped: &[u16]) -> u64 {
+    /// Fills δ (squared shortest lengths to the landmarks, or squared distances; nothing in native space) and finds the nearest
+    /// reference frame.
+    fn measure(&mut self, metric: &impl Metric, manifold: Manifold, mapped: &[u16]) -> Neighbor {
         let Self { search, lengths, squared_geodesics } = self;
         let frames = manifold.frames;
         let nearest = search.nearest(frames, metric, mapped);
@@ -84,6 +85,6 @@ impl Placer {
             }
             (None, None) => {}
         }
-        nearest[0].squared_distance
+        nearest[0]
     }
 }

@@ -12,6 +12,8 @@
 //! A frame is only passed over for a bound that proves it farther than the k-th, never for one that equals it, so that ties
 //! go to the lower index here too. What the last query was decides what is measured, and not what is found.
 
+use std::ops::Deref;
+
 use crate::blocks::{Blocks, Bounded, Bounds, Sketch};
 use crate::frames::Frames;
 use crate::metric::{Metric, N_SIDE_BY_SIDE};
@@ -39,7 +41,7 @@ struct Pruned {
 
 impl Search {
     /// * `k` — at least 1, at most `n_frames`
-    pub(crate) fn new(frames: &Frames, k: usize) -> Self {
+    pub(crate) fn new(frames: &Frames<impl Deref<Target = [u16]>>, k: usize) -> Self {
         let n_frames = frames.n_frames();
         assert!((1..=n_frames).contains(&k), "{k} neighbours among {n_frames} frames");
         let pruned = frames.blocks().map(|blocks| Pruned::new(blocks, n_frames, k));
@@ -51,7 +53,12 @@ impl Search {
     /// * `query` — as rows of the frames
     ///
     /// Allocates nothing. O(n_frames) distances at worst.
-    pub(crate) fn nearest<M: Metric>(&mut self, frames: &Frames, metric: &M, query: &[u16]) -> &[Neighbor] {
+    pub(crate) fn nearest<M: Metric>(
+        &mut self,
+        frames: &Frames<impl Deref<Target = [u16]>>,
+        metric: &M,
+        query: &[u16],
+    ) -> &[Neighbor] {
         let Self { k, nearest, pruned } = self;
         match pruned {
             Some(pruned) if M::IS_EUCLIDEAN_OR_MORE => pruned.find(frames, metric, query, *k, nearest),
@@ -87,7 +94,7 @@ impl Pruned {
     /// * `nearest` — of the last query, or none; overwritten
     fn find(
         &mut self,
-        frames: &Frames,
+        frames: &Frames<impl Deref<Target = [u16]>>,
         metric: &impl Metric,
         query: &[u16],
         k: usize,
@@ -198,7 +205,7 @@ fn any_below(bounds: &Bounds, limit: f32) -> bool {
 
 /// Measures frames, and keeps those of them that are among the k nearest.
 fn measure(
-    frames: &Frames,
+    frames: &Frames<impl Deref<Target = [u16]>>,
     metric: &impl Metric,
     query: &[u16],
     candidates: &[Bounded],
@@ -213,7 +220,7 @@ fn measure(
 
 /// Measures so many at a time, and returns those that are left over.
 fn measure_by<'a, const R: usize>(
-    frames: &Frames,
+    frames: &Frames<impl Deref<Target = [u16]>>,
     metric: &impl Metric,
     query: &[u16],
     candidates: &'a [Bounded],

@@ -8,8 +8,9 @@ use kinds_model::autocorrelation::n_frames_effective;
 use kinds_model::metric::{Euclidean, Metric};
 use kinds_model::neighbors::length;
 use kinds_model::{
-    Classifier, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan,
-    Scale, SensorLayout, Size, file, fit, refit,
+    Classifier, Command, Commands, EmPlan, FitPlan, FrameSource, KindsBy, LandmarkChoice, Method, MetricPlan,
+    Model, Origin, ResponsePlan, Scale, SensorLayout, Size, StreamError, file, fit, fit_stream,
+    fit_with_commands, refit,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -270,4 +271,148 @@ fn the_scan_of_neighbours_sees_edges_in_time() {
     assert!(tied.iter().all(|trial| trial.n_islands == 1 && trial.bridges.is_empty()));
     // Every frame is linked with the next: the fewest neighbours that can be are few enough.
     assert_eq!(tied[0].n_neighbors, 1);
+}
+
+/// The same trips, read one frame after the other; fails at a frame, if told to.
+struct Reader {
+    counts: Vec<u16>,
+    next: usize,
+    n_passes: usize,
+    fails_in_pass: Option<usize>,
+}
+
+impl Reader {
+    fn of_trips(fails_in_pass: Option<usize>) -> Self {
+        Self { counts: trips(), next: 0, n_passes: 0, fails_in_pass }
+    }
+}
+
+impl FrameSource for Reader {
+    type Error = String;
+
+    fn n_frames(&self) -> usize {
+        self.counts.len() / N_READINGS
+    }
+
+    fn rewind(&mut self) -> Result<(), String> {
+        self.n_passes += 1;
+        self.next = 0;
+        Ok(())
+    }
+
+    fn read(&mut self, counts: &mut [u16]) -> Result<(), String> {
+        if self.fails_in_pass == Some(self.n_passes) && self.next == 200 {
+            return Err("the disk is on fire".to_string());
+        }
+        counts.copy_from_slice(&self.counts[self.next * N_READINGS..][..N_READINGS]);
+        self.next += 1;
+        Ok(())
+    }
+}
+
+#[test]
+fn frames_that_are_read_make_the_model_that_they_make_in_memory_in_as_many_passes_as_are_needed() {
+    let command = |index: usize| Command { forward_m_s: (index % 7) as f64, turn_rad_s: 0.1 };
+    let commands = Commands { weight: 0.2, of_frames: (0..N_TRAINED).map(command).collect() };
+    let check = |plan: FitPlan, commands: Option<&Commands>, n_passes: usize| {
+        let (mut reader, origin) = (Reader::of_trips(None), Origin::default());
+        let read = fit_stream(&mut reader, commands, &plan, origin.clone(), &mut |_, _, _| ()).unwrap();
+        let held = match commands {
+            Some(commands) => fit_with_commands(trips(), commands, &plan, origin, &mut |_, _, _| ()),
+            None => fit(trips(), &plan, origin, &mut |_, _, _| ()),
+        };
+        assert_eq!(read.id(), held.unwrap().id());
+        assert_eq!(reader.n_passes, n_passes, "{plan:?}");
+    };
+    for method in [Method::Isomap, Method::Pca] {
+        check(plan(method, N_TRAINED), None, 1);
+        check(plan(method, N_TRAINED / 3), None, 2);
+        check(plan(method, N_TRAINED), Some(&commands), 1);
+        check(plan(method, N_TRAINED / 3), Some(&commands), 3);
+    }
+    check(FitPlan { consecutive_edges: true, ..plan(Method::Isomap, N_TRAINED / 3) }, None, 3);
+    check(FitPlan { n_dims: None, ..plan(Method::Native, N_TRAINED / 3) }, None, 2);
+}
+
+#[test]
+fn frames_that_cannot_be_read_end_the_fit_in_whichever_pass() {
+    let refusal = |n_frames_max, fails_in_pass| {
+        let mut reader = Reader::of_trips(Some(fails_in_pass));
+        let plan = plan(Method::Isomap, n_frames_max);
+        fit_stream(&mut reader, None, &plan, Origin::default(), &mut |_, _, _| ()).unwrap_err()
+    };
+    for (n_frames_max, fails_in_pass) in [(N_TRAINED, 1), (80, 1), (80, 2)] {
+        assert_eq!(
+            refusal(n_frames_max, fails_in_pass),
+            StreamError::Read("the disk is on fire".to_string())
+        );
+    }
+}
+
+#[test]
+fn a_model_larger_than_memory_is_refused_with_its_numbers_before_a_frame_is_read() {
+    struct Endless;
+    impl FrameSource for Endless {
+        type Error = String;
+
+        fn n_frames(&self) -> usize {
+            1 << 40
+        }
+
+        fn rewind(&mut self) -> Result<(), String> {
+            panic!("nothing is to be read")
+        }
+
+        fn read(&mut self, _: &mut [u16]) -> Result<(), String> {
+            panic!("nothing is to be read")
+        }
+    }
+    let plan = FitPlan { n_landmarks: 1 << 30, ..plan(Method::Isomap, usize::MAX) };
+    let refusal = fit_stream(&mut Endless, None, &plan, Origin::default(), &mut |_, _, _| ()).unwrap_err();
+    assert_eq!(
+        refusal.to_string(),
+        "1099511627776 reference frames of 6 counts each, with 1073741824 landmarks, take 18446744073.7 GB to fit, which this \
+         machine does not have; ask for fewer reference frames or fewer landmarks"
+    );
+}
+
+/// A robot that goes on to places which it has not seen before, for longer than can be held.
+fn long_trip() -> Vec<u16> {
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    let mut counts = Vec::new();
+    for index in 0..1700 {
+        let phase = f64::from(index) / 40.0;
+        for reading in 0..N_READINGS {
+            let range = 1500.0 + 800.0 * (phase + reading as f64).sin() + 30.0 * phase * (reading % 3) as f64;
+            counts.push((range + random.random_range(-25.0..25.0)) as u16);
+        }
+    }
+    counts
+}
+
+#[test]
+fn a_trip_that_is_thinned_as_it_passes_makes_the_same_model_on_any_number_of_threads_and_serves_its_frames_there()
+ {
+    let plan = plan(Method::Isomap, 60);
+    let on = |n_threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+        pool.install(|| fit(long_trip(), &plan, Origin::default(), &mut |_, _, _| ()).unwrap())
+    };
+    let model = Arc::new(on(1));
+    assert_eq!(model.id(), on(2).id());
+    let references = model.references();
+    assert_eq!((references.n_frames(), references.n_trained()), (60, 1700));
+    let mut classifier = Classifier::new(Arc::clone(&model));
+    let mut squared_radius = 0;
+    for (index, frame) in long_trip().chunks_exact(N_READINGS).enumerate() {
+        assert_eq!(classifier.classify(frame).coordinates, place(&model, index), "frame {index}");
+        let mut mapped = frame.to_vec();
+        model.response().map_in_place(&mut mapped);
+        // The plainest way: all distances, of equals the first.
+        let squared = |reference: usize| Euclidean.squared_distance(&mapped, model.frames().row(reference));
+        let nearest = (0..60).min_by_key(|&reference| squared(reference)).unwrap();
+        assert_eq!(references.nearest()[index] as usize, nearest, "frame {index}");
+        squared_radius = squared_radius.max(squared(nearest));
+    }
+    assert_eq!(model.manifest().provenance.covering_radius, length(squared_radius));
 }

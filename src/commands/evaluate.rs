@@ -97,7 +97,7 @@ impl<'a> Segments<'a> {
     }
 
     fn of(&self, trips: &[LoadedTrip]) -> Result<Segmentation, Failure> {
-        let tracks: Vec<Track> = trips.iter().map(Track::of).collect();
+        let tracks: Vec<Track> = trips.iter().map(|trip| Track::of(&trip.survey)).collect();
         let trips: Vec<TripKinds> = tracks.iter().map(|track| track.with_kinds(&[])).collect();
         Segmentation::parse(&self.text, self.format, &trips)
             .map_err(|error| Failure::CouldNot(format!("{}: {error}", self.path.display())))
@@ -219,11 +219,11 @@ fn read_trip(
     bar: &mut StepBar,
 ) -> Result<LoadedTrip, Failure> {
     let trip = load(path, selection, &mut |stage, done, all| bar.show(stage, done, all))?;
-    if let Some(remark) = &trip.truncation {
+    if let Some(remark) = &trip.survey.truncation {
         eprintln!("kinds: {remark}");
     }
     if model.commands().is_some() {
-        trip.require_commands()?;
+        trip.survey.require_commands()?;
     }
     Ok(trip)
 }

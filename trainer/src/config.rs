@@ -7,6 +7,7 @@ use kinds_model::{
 use kinds_trips::Selection;
 use serde::Deserialize;
 
+use crate::counts_seen::CountsSeen;
 use crate::landmark_number::LandmarkNumber;
 use crate::metric_choice::MetricChoice;
 
@@ -139,10 +140,6 @@ pub enum ConfigError {
         limit: String,
     },
 }
-
-/// Share of the valid readings that are no longer than the default largest useful range: a sensor's few wildest
-/// readings must not stretch the scale.
-const USEFUL_SHARE: f64 = 0.99;
 
 /// Reference frames that keep a trip of hours within minutes: the cost of their neighbours grows with their square.
 const USUAL_FRAMES_MAX: usize = 4000;
@@ -277,13 +274,13 @@ impl Config {
         }
     }
 
-    /// The plan for a sensor, given the raw counts that are to be fitted.
+    /// The plan for a sensor, given which raw counts are to be fitted.
     ///
     /// # Errors
     /// As [`Self::check`].
-    pub fn plan(&self, sensor: SensorLayout, counts: &[u16]) -> Result<FitPlan, ConfigError> {
+    pub fn plan(&self, sensor: SensorLayout, seen: &CountsSeen) -> Result<FitPlan, ConfigError> {
         self.check()?;
-        let useful_m = || largest_useful_count(counts) * sensor.metres_per_count;
+        let useful_m = || seen.largest_useful() * sensor.metres_per_count;
         let usual = ResponsePlan::new(
             self.response.unwrap_or(Scale::Inverse),
             self.range_m_max.unwrap_or_else(useful_m),
@@ -291,7 +288,7 @@ impl Config {
         let seed = self.seed.unwrap_or(0);
         let em = EmPlan::new(seed);
         let n_frames_max = self.frames.unwrap_or(USUAL_FRAMES_MAX);
-        let n_frames = n_frames_max.min(counts.len() / sensor.n_readings());
+        let n_frames = n_frames_max.min(seen.n_frames);
         Ok(FitPlan {
             sensor,
             response: ResponsePlan {
@@ -325,28 +322,21 @@ impl Config {
     }
 }
 
-/// The count that [`USEFUL_SHARE`] of the valid counts do not exceed; 1 where none is valid.
-fn largest_useful_count(counts: &[u16]) -> f64 {
-    let mut histogram = vec![0_usize; 1 << 16];
-    counts.iter().for_each(|&count| histogram[usize::from(count)] += 1);
-    let n_valid = counts.len() - histogram[usize::from(kinds_model::response::INVALID)];
-    let mut left = (n_valid as f64 * USEFUL_SHARE).ceil() as usize;
-    let reached = (1..histogram.len()).find(|&count| {
-        left = left.saturating_sub(histogram[count]);
-        left == 0
-    });
-    reached.unwrap_or(1) as f64
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const RING: SensorLayout = SensorLayout { rows: 1, columns: 16, metres_per_count: 0.001 };
 
+    fn seen(counts: &[u16]) -> CountsSeen {
+        let mut seen = CountsSeen::default();
+        counts.chunks(RING.n_readings()).for_each(|frame| seen.add(frame));
+        seen
+    }
+
     #[test]
     fn an_empty_file_leaves_neighbours_dimensions_and_kinds_to_the_evidence() {
-        let plan = Config::from_ron("()").unwrap().plan(RING, &[0, 4000, 3000]).unwrap();
+        let plan = Config::from_ron("()").unwrap().plan(RING, &seen(&[0, 4000, 3000])).unwrap();
         assert_eq!((plan.n_neighbors, plan.n_dims, plan.n_kinds), (None, None, None));
         assert_eq!((plan.landmark_choice, plan.response.range_m_max), (LandmarkChoice::Random, 4.0));
         assert_eq!((plan.n_frames_max, plan.consecutive_edges), (4000, false));
@@ -357,8 +347,10 @@ mod tests {
         let file = Config::from_ron("(kinds: 7, response: log, method: PCA_ELSEWHERE)").unwrap_err();
         assert!(matches!(file, ConfigError::Ron { line: 1, .. }), "{file}");
         let file = Config::from_ron("(kinds: 7, response: log, method: Pca)").unwrap();
-        let plan =
-            file.overridden_by(Config { kinds: Some(3), ..Config::default() }).plan(RING, &[1]).unwrap();
+        let plan = file
+            .overridden_by(Config { kinds: Some(3), ..Config::default() })
+            .plan(RING, &seen(&[1]))
+            .unwrap();
         assert_eq!((plan.n_kinds, plan.response.scale, plan.method), (Some(3), Scale::Log, Method::Pca));
     }
 
@@ -377,7 +369,7 @@ mod tests {
 
     #[test]
     fn both_methods_begin_with_isomap() {
-        let plan = |text: &str| Config::from_ron(text).unwrap().plan(RING, &[1]).unwrap();
+        let plan = |text: &str| Config::from_ron(text).unwrap().plan(RING, &seen(&[1])).unwrap();
         assert_eq!(plan("(method: both)"), plan("(method: isomap)"));
         assert_eq!(plan("(method: Both, covariance: Tied)"), plan("(covariance: tied)"));
     }
@@ -386,7 +378,7 @@ mod tests {
     fn a_number_of_kinds_and_what_to_choose_it_by_override_each_other_and_do_not_go_together() {
         let config = |text: &str| Config::from_ron(text).unwrap();
         let over = |file: &str, flags: &str| {
-            let plan = config(file).overridden_by(config(flags)).plan(RING, &[1]).unwrap();
+            let plan = config(file).overridden_by(config(flags)).plan(RING, &seen(&[1])).unwrap();
             (plan.n_kinds, plan.kinds_by)
         };
         assert_eq!(over("()", "()"), (None, KindsBy::BicNeff));
@@ -413,7 +405,7 @@ mod tests {
     fn landmarks_are_so_many_of_the_frames_that_there_are() {
         let counts = vec![1; 16 * 40];
         let n_landmarks =
-            |text| Config::from_ron(text).unwrap().plan(RING, &counts).map(|plan| plan.n_landmarks);
+            |text| Config::from_ron(text).unwrap().plan(RING, &seen(&counts)).map(|plan| plan.n_landmarks);
         assert_eq!(n_landmarks("()"), Ok(40));
         assert_eq!(n_landmarks("(landmarks: all)"), Ok(40));
         assert_eq!(n_landmarks("(landmarks: 30)"), Ok(30));
@@ -421,7 +413,8 @@ mod tests {
         // Of those that the model keeps.
         assert_eq!(n_landmarks("(landmarks: \"25%\", frames: 20)"), Ok(5));
         assert_eq!(n_landmarks("(frames: 20)"), Ok(20));
-        let chosen = Config::from_ron("(landmark_choice: k_means)").unwrap().plan(RING, &counts).unwrap();
+        let chosen =
+            Config::from_ron("(landmark_choice: k_means)").unwrap().plan(RING, &seen(&counts)).unwrap();
         assert_eq!(chosen.landmark_choice, LandmarkChoice::KMeans);
     }
 
@@ -452,6 +445,6 @@ mod tests {
     #[test]
     fn one_wild_reading_in_two_hundred_does_not_stretch_the_scale() {
         let counts: Vec<u16> = (0..199).map(|_| 2500).chain([60_000, 0, 0, 0]).collect();
-        assert_eq!(Config::default().plan(RING, &counts).unwrap().response.range_m_max, 2.5);
+        assert_eq!(Config::default().plan(RING, &seen(&counts)).unwrap().response.range_m_max, 2.5);
     }
 }

@@ -230,7 +230,7 @@ pub fn evaluate(
         let own_kinds = [0, 1].map(|which| placed[which].of_placed(&kinds[own][pair.trips[which]]));
         PairScores {
             space: placed[0].space,
-            trips: placed.map(|placed| Track::title_of(placed.trip)),
+            trips: placed.map(|placed| placed.trip.survey.title()),
             forward: directed(0, [first, second]),
             backward: directed(1, [second, first]),
             registration: registration::scores(
@@ -291,7 +291,7 @@ fn place_of(method: Method) -> usize {
 fn classified(trips: &[Placed], kinds: &[Vec<usize>]) -> Vec<ClassifiedTrip> {
     let of_trip = |(placed, kinds): (&Placed, &Vec<usize>)| ClassifiedTrip {
         space: placed.space,
-        track: Track::of(placed.trip),
+        track: Track::of(&placed.trip.survey),
         kinds: kinds.clone(),
     };
     trips.iter().zip(kinds).map(of_trip).collect()
@@ -299,7 +299,7 @@ fn classified(trips: &[Placed], kinds: &[Vec<usize>]) -> Vec<ClassifiedTrip> {
 
 /// The most probable kind of every frame of every trip, by every model.
 fn classify(models: &[&Model], trips: &[Placed], progress: &mut Progress) -> Vec<Vec<Vec<usize>>> {
-    let n_frames = models.len() * trips.iter().map(|placed| placed.trip.n_frames()).sum::<usize>();
+    let n_frames = models.len() * trips.iter().map(|placed| placed.trip.survey.n_frames()).sum::<usize>();
     let told = Told::new(Stage::Classifying, n_frames as u64, progress);
     let by = |model: &&Model| {
         let model = Arc::new((*model).clone());
@@ -309,7 +309,7 @@ fn classify(models: &[&Model], trips: &[Placed], progress: &mut Progress) -> Vec
 }
 
 fn kinds_of(model: &Arc<Model>, trip: &LoadedTrip, told: &Told) -> Vec<usize> {
-    let frames: Vec<_> = trip.frames().zip(&trip.commands).collect();
+    let frames: Vec<_> = trip.frames().zip(&trip.survey.commands).collect();
     let of_chunk = |classifier: &mut Classifier, frames: &[(&[u16], &Option<kinds_trips::Command>)]| {
         told.add(frames.len() as u64);
         let kind = |(counts, command): &(&[u16], &Option<kinds_trips::Command>)| {

@@ -8,6 +8,7 @@ mod agreement;
 mod bootstrap;
 mod config;
 mod consistency;
+mod counts_seen;
 mod evaluate;
 mod landmark_number;
 mod load;
@@ -25,15 +26,18 @@ mod scores;
 mod segmentation;
 mod sequence;
 mod surface;
+mod survey;
 mod topology;
 mod track;
 mod train;
+mod trip_frames;
 mod trip_kinds;
 mod uses;
 
 pub use agreement::adjusted_mutual_information;
 pub use config::{CommandsConfig, Config, ConfigError, MethodChoice};
 pub use consistency::{Consistency, Revisits, kappa};
+pub use counts_seen::CountsSeen;
 pub use evaluate::{
     ClassifiedTrip, EvaluateError, Evaluation, EvaluationPlan, PairScores, evaluate, evaluate_single,
 };
@@ -55,6 +59,7 @@ pub use segmentation::{
 };
 pub use sequence::{RunLengths, Sequence};
 pub use surface::{Grid, Surface};
+pub use survey::Survey;
 pub use topology::{Edge, Extent, MapPlan, MeanCommand, Region, TopologicalMap};
 pub use track::Track;
 pub use train::{PcaModels, TrainError, Trained, train};

@@ -127,8 +127,8 @@ impl<'a> Meetings<'a> {
         let mut trips = Vec::new();
         for (space, of_space) in spaces.iter().enumerate() {
             for trip in *of_space {
-                if trip.layout != layout {
-                    let (path, found) = (trip.path.clone(), trip.layout);
+                if trip.survey.layout != layout {
+                    let (path, found) = (trip.survey.path.clone(), trip.survey.layout);
                     return Err(MeetingError::OtherSensor { path, found, expected: layout });
                 }
                 trips.push(Placed::of(trip, space));
@@ -161,10 +161,10 @@ impl<'a> Meetings<'a> {
 }
 
 fn revisits(pair: [&Placed; 2], same_place: &SamePlace) -> Result<[Revisits; 2], MeetingError> {
-    let paths = pair.map(|placed| placed.trip.path.clone());
+    let paths = pair.map(|placed| placed.trip.survey.path.clone());
     let unplaced = pair.iter().find(|placed| placed.frames.is_empty());
     if let Some(unplaced) = unplaced {
-        return Err(MeetingError::NoPoses { path: unplaced.trip.path.clone() });
+        return Err(MeetingError::NoPoses { path: unplaced.trip.survey.path.clone() });
     }
     let [first, second] = pair.map(|placed| &placed.places);
     let forward = Revisits::find(first, second, same_place);
@@ -198,7 +198,7 @@ fn revisits(pair: [&Placed; 2], same_place: &SamePlace) -> Result<[Revisits; 2],
 
 impl<'a> Placed<'a> {
     fn of(trip: &'a LoadedTrip, space: usize) -> Self {
-        let known = trip.poses.iter().enumerate().filter_map(|(frame, pose)| Some((frame, (*pose)?)));
+        let known = trip.survey.poses.iter().enumerate().filter_map(|(frame, pose)| Some((frame, (*pose)?)));
         let (frames, poses): (Vec<usize>, Vec<_>) = known.unzip();
         Self { trip, space, frames, places: Places::new(poses) }
     }
@@ -214,20 +214,22 @@ mod tests {
     use kinds_trips::{Pose, Stamp};
 
     use super::*;
+    use crate::survey::Survey;
 
     const LAYOUT: SensorLayout = SensorLayout { rows: 1, columns: 1, metres_per_count: 0.001 };
 
     fn trip(name: &str, places: &[(f64, f64)], yaw_rad: f64) -> LoadedTrip {
-        LoadedTrip {
+        let counts = vec![1; places.len()];
+        let survey = Survey {
             path: name.into(),
             layout: LAYOUT,
-            counts: vec![1; places.len()],
             captured: (0..places.len() as i64).map(Stamp).collect(),
             poses: places.iter().map(|&(x_m, y_m)| Some(Pose { x_m, y_m, yaw_rad })).collect(),
             commands: vec![None; places.len()],
             n_frames_invalid: 0,
             truncation: None,
-        }
+        };
+        LoadedTrip { survey, counts }
     }
 
     fn find<'a>(spaces: &[&'a [LoadedTrip]], radius_m: f64) -> Result<Meetings<'a>, String> {
@@ -284,7 +286,7 @@ mod tests {
     #[test]
     fn frames_without_a_place_are_left_out_of_what_is_compared() {
         let mut one = trip("a", &[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], 0.0);
-        one.poses[1] = None;
+        one.survey.poses[1] = None;
         let placed = Placed::of(&one, 0);
         assert_eq!(placed.of_placed(&['a', 'b', 'c']), ['a', 'c']);
         assert_eq!(placed.places.n_frames(), 2);

@@ -3,7 +3,7 @@
 
 use kinds_trips::{Command, Pose, Stamp};
 
-use crate::load::LoadedTrip;
+use crate::survey::Survey;
 use crate::trip_kinds::TripKinds;
 
 /// When and where a robot took the frames of a trip, and what it had been told to do.
@@ -21,20 +21,15 @@ pub struct Track {
 
 impl Track {
     /// Of all frames that have a valid reading.
-    pub fn of(trip: &LoadedTrip) -> Self {
+    pub fn of(trip: &Survey) -> Self {
         let start_ns = trip.captured.first().map_or(0, |captured| captured.0);
         let seconds = |captured: &Stamp| (captured.0 - start_ns) as f64 / 1e9;
         Self {
-            title: Self::title_of(trip),
+            title: trip.title(),
             seconds: trip.captured.iter().map(seconds).collect(),
             poses: trip.poses.clone(),
             commands: trip.commands.clone(),
         }
-    }
-
-    /// What to call a trip: its file's name, without folder and extension.
-    pub(crate) fn title_of(trip: &LoadedTrip) -> String {
-        trip.path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
 
     /// Number of frames.
@@ -64,10 +59,9 @@ mod tests {
     #[test]
     fn time_runs_from_the_trips_first_frame_though_nobody_knew_where_that_was() {
         let place = Some(Pose { x_m: 1.0, y_m: 2.0, yaw_rad: 0.5 });
-        let trip = LoadedTrip {
+        let trip = Survey {
             path: "trips/fourth-floor-1.mcap".into(),
             layout: SensorLayout { rows: 1, columns: 1, metres_per_count: 0.001 },
-            counts: vec![7, 8, 9],
             captured: [1_000_000_000, 1_250_000_000, 1_500_000_000].map(Stamp).to_vec(),
             poses: vec![None, place, place],
             commands: vec![None; 3],

@@ -3,15 +3,18 @@
 use std::path::PathBuf;
 
 use kinds_model::{
-    Command, CommandScale, Commands, FitError, Method, Model, Origin, SensorLayout, Size, fit,
-    fit_with_commands, refit,
+    Command, CommandScale, Commands, FitError, Method, Model, Origin, SensorLayout, Size, StreamError,
+    fit_stream, refit,
 };
 
 use crate::config::{Config, ConfigError, MethodChoice};
-use crate::load::{LoadError, load, of_model};
+use crate::counts_seen::CountsSeen;
+use crate::load::{LoadError, of_model};
 use crate::progress::{Progress, fitting};
 use crate::remarks::{remark_on_islands, remarks_on_kinds};
+use crate::survey::survey;
 use crate::track::Track;
+use crate::trip_frames::{Digest, TripFrames};
 
 /// A model, and what a person should know about how it came to be.
 #[derive(Debug)]
@@ -65,7 +68,19 @@ pub enum TrainError {
     FitPca(FitError),
 }
 
+impl TrainError {
+    fn of_fitting(error: StreamError<LoadError>) -> Self {
+        match error {
+            StreamError::Read(error) => Self::Load(error),
+            StreamError::Fit(error) => Self::Fit(error),
+        }
+    }
+}
+
 /// Trains a model on the frames of one or more trips of one sensor.
+///
+/// Reads trips more than once and holds, of longer ones than the model keeps, four times the frames that it does: see
+/// [`kinds_model::fit_stream`].
 ///
 /// # Errors
 /// If a trip cannot be read, trips differ in sensor, or their frames make no model of this configuration.
@@ -73,11 +88,16 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
     config.check()?;
     let selection = config.selection();
     let mut remarks = Vec::new();
-    let (mut counts, mut sensor, mut origin) = (Vec::new(), None, Origin::default());
-    let mut commands = Vec::new();
-    let mut tracks = Vec::new();
+    let (mut sensor, mut origin) = (None, Origin::default());
+    let (mut seen, mut commands, mut tracks) = (CountsSeen::default(), Vec::new(), Vec::new());
+    let mut frames = TripFrames::new(selection.clone());
     for path in trips {
-        let mut trip = load(path, &selection, progress)?;
+        let mut digest = Digest::default();
+        let trip = survey(path, &selection, progress, |frame| {
+            seen.add(frame);
+            digest.add(frame);
+        })?;
+        frames.add(&trip, &digest);
         let expected = *sensor.get_or_insert(trip.layout);
         if trip.layout != expected {
             return Err(TrainError::OtherSensor { path: path.clone(), found: trip.layout, expected });
@@ -85,31 +105,25 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
         if config.commands_weight().is_some() {
             trip.require_commands()?;
         }
-        remarks.extend(trip.truncation.take());
         let name = path.file_name().unwrap_or(path.as_os_str());
         origin.trips.push(name.to_string_lossy().into_owned());
         origin.n_frames.push(trip.n_frames());
         origin.n_frames_invalid += trip.n_frames_invalid;
         tracks.push(Track::of(&trip));
         commands.extend(trip.commands.iter().map(|command| command.map(of_model)));
-        // The first trip's memory is kept: copying 20,000 camera frames would double it.
-        if counts.is_empty() { counts = trip.counts } else { counts.append(&mut trip.counts) }
+        remarks.extend(trip.truncation);
     }
     let sensor = sensor.expect("at least one trip is asked for on every way in");
     if origin.n_frames_invalid > 0 {
         remarks.push(format!("{} frames without any valid reading were left out", origin.n_frames_invalid));
     }
-    let plan = config.plan(sensor, &counts)?;
-    let fitted = match config.commands_weight() {
-        Some(weight) => {
-            remarks.extend(remark_on_uncommanded(&commands));
-            let of_frames = commands.into_iter().map(Option::unwrap_or_default).collect();
-            let commands = Commands { weight, of_frames };
-            fit_with_commands(counts, &commands, &plan, origin, &mut fitting(progress))
-        }
-        None => fit(counts, &plan, origin, &mut fitting(progress)),
-    };
-    let model = fitted.map_err(TrainError::Fit)?;
+    let plan = config.plan(sensor, &seen)?;
+    let commands = config.commands_weight().map(|weight| {
+        remarks.extend(remark_on_uncommanded(&commands));
+        Commands { weight, of_frames: commands.into_iter().map(Option::unwrap_or_default).collect() }
+    });
+    let fitted = fit_stream(&mut frames, commands.as_ref(), &plan, origin, &mut fitting(progress));
+    let model = fitted.map_err(TrainError::of_fitting)?;
     remarks.extend(model.commands().and_then(remark_on_commands));
     remarks.extend(remark_on_islands(&model));
     remarks.extend(remarks_on_kinds(&model));
