@@ -67,6 +67,7 @@ pub mod response;
 mod search;
 mod simd;
 mod squares;
+mod symmetric;
 mod tally;
 #[cfg(test)]
 mod testing;
