@@ -5,7 +5,7 @@
 //! `target/tmp`. From the environment: `KINDS_BENCH_FRAMES` for Isomap (6000), `KINDS_BENCH_TRAINED` for a whole training
 //! (2000), `KINDS_BENCH_POINTS` for mixtures (20000), `KINDS_BENCH_FOLDER` for where the data is.
 //!
-//! `benches/peers/fit.py` runs the same work through scikit-learn on the same files, in turn with this.
+//! Beside each time stands what all processors spent. `benches/peers/fit.py` runs the same work through scikit-learn on the same files, in turn with this.
 #![allow(clippy::print_stdout, reason = "a bench is there to print")]
 
 mod data;
@@ -22,6 +22,7 @@ use kinds_model::{
 };
 use kinds_trainer::{Config, Stage, train};
 use rayon::prelude::*;
+use rustix::time::{ClockId, Timespec, clock_gettime};
 
 use self::data::Data;
 
@@ -51,9 +52,9 @@ fn main() {
         let (_, part) = PARTS.iter().find(|(part, _)| part == name).expect("a part's name");
         return part(&data);
     }
-    let began = Instant::now();
+    let clock = Clock::start();
     data.prepare();
-    told("driving, unless done before", began.elapsed());
+    told("driving, unless done before", clock.taken());
     for (name, _) in
         PARTS.iter().filter(|(name, _)| arguments.is_empty() || arguments.iter().any(|a| a == name))
     {
@@ -99,11 +100,11 @@ fn isomap(data: &Data, n_frames: usize, n_landmarks: usize) {
     steps.print("Isomap");
     peak();
 
-    let began = Instant::now();
+    let clock = Clock::start();
     let geodesics = model.geodesics().expect("Isomap has geodesics");
     let squared = |i: usize, j: usize| f64::from(geodesics.row(model.landmarks()[i] as usize)[j]).powi(2);
     black_box(Embedding::fit(n_landmarks, squared, 30, N_DIMS)).expect("it was done before");
-    told("scaling alone, once more", began.elapsed());
+    told("scaling alone, once more", clock.taken());
     quality(&model);
 }
 
@@ -163,14 +164,14 @@ fn mixture(data: &Data) {
         model.coordinates().to_vec()
     });
     let plan = EmPlan { n_starts: N_STARTS, ..EmPlan::new(0) };
-    let began = Instant::now();
+    let clock = Clock::start();
     let fits: Vec<_> = (1..N_KINDS_MAX + 1)
         .into_par_iter()
         .rev()
         .with_max_len(1)
         .map(|n_kinds| fit_mixture(&coordinates, N_DIMS, n_kinds, &plan, &mut |_| ()))
         .collect();
-    told("mixtures", began.elapsed());
+    told("mixtures", clock.taken());
     peak();
     for (n_kinds, fit) in (1..=N_KINDS_MAX).zip(fits.into_iter().rev()) {
         match fit {
@@ -186,17 +187,17 @@ fn mixture(data: &Data) {
 
 /// How long each step took: what passed until its last word belongs to it.
 struct Steps {
-    began: Instant,
-    taken: Vec<(String, Duration)>,
+    clock: Clock,
+    taken: Vec<(String, Taken)>,
 }
 
 impl Steps {
     fn new() -> Self {
-        Self { began: Instant::now(), taken: Vec::new() }
+        Self { clock: Clock::start(), taken: Vec::new() }
     }
 
     fn at(&mut self, step: String) {
-        let at = self.began.elapsed();
+        let at = self.clock.taken();
         match self.taken.last_mut() {
             Some((last, until)) if *last == step => *until = at,
             _ => self.taken.push((step, at)),
@@ -204,17 +205,47 @@ impl Steps {
     }
 
     fn print(self, what: &str) {
-        told(what, self.began.elapsed());
-        let mut before = Duration::ZERO;
+        told(what, self.clock.taken());
+        let mut before = Taken::default();
         for (step, until) in self.taken {
-            told(&format!("  until the last of {step}"), until - before);
+            let Taken { wall, processors } = until;
+            let of_step = Taken { wall: wall - before.wall, processors: processors - before.processors };
+            told(&format!("  until the last of {step}"), of_step);
             before = until;
         }
     }
 }
 
-fn told(what: &str, took: Duration) {
-    println!("  {what:<40} {:9.3} s", took.as_secs_f64());
+/// Two clocks: on a machine that has other work too, only the second is to be trusted.
+struct Clock {
+    began: Instant,
+    processors_began: Duration,
+}
+
+/// What passed, and what all processors spent on this process.
+#[derive(Clone, Copy, Default)]
+struct Taken {
+    wall: Duration,
+    processors: Duration,
+}
+
+impl Clock {
+    fn start() -> Self {
+        Self { began: Instant::now(), processors_began: processors() }
+    }
+
+    fn taken(&self) -> Taken {
+        Taken { wall: self.began.elapsed(), processors: processors() - self.processors_began }
+    }
+}
+
+fn processors() -> Duration {
+    let Timespec { tv_sec, tv_nsec } = clock_gettime(ClockId::ProcessCPUTime);
+    Duration::new(tv_sec as u64, tv_nsec as u32)
+}
+
+fn told(what: &str, Taken { wall, processors }: Taken) {
+    println!("  {what:<40} {:9.3} s {:9.3} s of processors", wall.as_secs_f64(), processors.as_secs_f64());
 }
 
 /// The most memory that this process has held.

@@ -3,8 +3,9 @@
     python -m venv peers && peers/bin/pip install -r benches/peers/requirements.txt
     peers/bin/python benches/peers/fit.py [--rounds 3] [--parts isomap mixture] [--folder DIR]
 
-Each measurement is a process of its own, so that each has its own peak of memory, and reads its data before the clock starts. Sizes come
-from the environment as the bench says (`KINDS_BENCH_FRAMES`, `KINDS_BENCH_POINTS`).
+Each measurement is a process of its own, so that each has its own peak of memory, and reads its data before the clock starts. Beside the time
+stands what all processors spent: on a machine with other work, the ratio of these is what can be trusted. Sizes come from the environment
+as the bench says (`KINDS_BENCH_FRAMES`, `KINDS_BENCH_POINTS`).
 
 What favours whom: scikit-learn gets frames as float32, mapped to the response's scale beforehand, and its own threads on all cores. Its Isomap
 is timed with the eigensolver that it chooses and with ARPACK, and the better counts. Ours also maps the frames, computes 30 dimensions instead of
@@ -50,15 +51,14 @@ def peer_isomap(folder, solver):
     response = numpy.load(folder / "response.npy").astype(numpy.float32)
     frames = response[numpy.load(folder / "frames.npy", mmap_mode="r")[:N_FRAMES]]
     isomap = Isomap(n_neighbors=N_NEIGHBORS, n_components=N_DIMS, eigen_solver=solver, n_jobs=-1)
-    began = time.monotonic()
+    clock = Clock()
     embedded = isomap.fit_transform(frames)
-    took = time.monotonic() - began
-    peak = peak_mb()
+    taken = clock.taken()
     pairs = numpy.triu_indices(N_FRAMES, 1)
     geodesics = isomap.dist_matrix_[pairs]
     residual = [1 - numpy.corrcoef(geodesics, pdist(embedded[:, :d]))[0, 1] ** 2 for d in range(1, N_DIMS + 1)]
     eigenvalues = isomap.kernel_pca_.eigenvalues_.tolist()
-    return {"seconds": took, "peak MB": peak, "eigenvalues": eigenvalues, "residual variance": residual}
+    return taken | {"eigenvalues": eigenvalues, "residual variance": residual}
 
 
 def peer_mixture(folder, _):
@@ -68,16 +68,26 @@ def peer_mixture(folder, _):
     places = numpy.load(folder / "coordinates.npy")
     floor = COVARIANCE_FLOOR * places.var(axis=0).mean()
     log_likelihoods = []
-    began = time.monotonic()
+    clock = Clock()
     for n_kinds in range(1, N_KINDS_MAX + 1):
         mixture = GaussianMixture(n_kinds, n_init=N_STARTS, reg_covar=floor, max_iter=1000, random_state=0)
         log_likelihoods.append(mixture.fit(places).score(places) * len(places))
-    took = time.monotonic() - began
-    return {"seconds": took, "peak MB": peak_mb(), "log-likelihoods": log_likelihoods}
+    return clock.taken() | {"log-likelihoods": log_likelihoods}
 
 
-def peak_mb():
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+class Clock:
+    """What work takes from here on, and the most memory that this process has held."""
+
+    def __init__(self):
+        self.began = time.monotonic(), time.process_time()
+
+    def taken(self):
+        began, processors_began = self.began
+        return {
+            "s": time.monotonic() - began,
+            "processors": time.process_time() - processors_began,
+            "MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6,
+        }
 
 
 def peer(folder, part, argument=""):
@@ -95,8 +105,10 @@ def ours(folder, part):
     ).stdout
     values = {}
     for line in printed.splitlines():
-        if timed := re.match(r"^ +(.+?) {2,}([\d.]+) (s|MB)$", line):
-            values[timed[1]] = float(timed[2])
+        if timed := re.match(r"^ +(Isomap|mixtures) +([\d.]+) s +([\d.]+) s of processors$", line):
+            values |= {"s": float(timed[2]), "processors": float(timed[3])}
+        elif peak := re.match(r"^ +peak memory +([\d.]+) MB$", line):
+            values["MB"] = float(peak[1])
         elif listed := re.match(r"^ +(islands|eigenvalues|residual variance) (\[.*\])$", line):
             values[listed[1]] = json.loads(listed[2])
         elif likely := re.match(r"^ +(\d+) kinds, log-likelihood (\S+) after", line):
@@ -109,10 +121,12 @@ def spread(values):
     return f"{middle:9.2f} ({low:.2f} … {high:.2f})"
 
 
-def row(what, theirs, our):
+def rows(what, theirs, our):
     """Both sides' spread, and that of the ratios of each round."""
-    ratios = [their / our for their, our in zip(theirs, our)]
-    print(f"| {what} | {spread(theirs)} | {spread(our)} | {spread(ratios)} |")
+    for key, unit in [("s", "s"), ("processors", "s of processors"), ("MB", "peak MB")]:
+        their_values, our_values = [run[key] for run in theirs], [run[key] for run in our]
+        ratios = [a / b for a, b in zip(their_values, our_values)]
+        print(f"| {what}, {unit} | {spread(their_values)} | {spread(our_values)} | {spread(ratios)} |")
 
 
 def compare_isomap(folder, n_rounds):
@@ -120,14 +134,13 @@ def compare_isomap(folder, n_rounds):
     for _ in range(n_rounds):
         full.append(ours(folder, "full"))
         solved = {solver: peer(folder, "isomap", solver) for solver in SOLVERS}
-        print("scikit-learn, seconds by solver:", {name: round(run["seconds"], 1) for name, run in solved.items()})
-        theirs.append(min(solved.values(), key=lambda run: run["seconds"]))
+        print("scikit-learn, seconds by solver:", {name: round(run["s"], 1) for name, run in solved.items()})
+        theirs.append(min(solved.values(), key=lambda run: run["processors"]))
         landmarks.append(ours(folder, "landmarks"))
     print(f"\nIsomap of {N_FRAMES} frames, {N_NEIGHBORS} neighbours, {N_DIMS} dimensions; {n_rounds} rounds\n")
     print("| | scikit-learn | ours | ratio |\n|---|---|---|---|")
     for what, our in [("all frames landmarks", full), ("500 landmarks", landmarks)]:
-        row(f"{what}, s", [run["seconds"] for run in theirs], [run["Isomap"] for run in our])
-        row(f"{what}, peak MB", [run["peak MB"] for run in theirs], [run["peak memory"] for run in our])
+        rows(what, theirs, our)
     their, our = theirs[-1], full[-1]
     print(f"\nislands of the graph: {our['islands']} (where there are several, the two join them differently)")
     differences = [abs(a / b - 1) for a, b in zip(our["eigenvalues"], their["eigenvalues"])]
@@ -144,7 +157,7 @@ def compare_mixture(folder, n_rounds):
         theirs.append(peer(folder, "mixture"))
     print(f"\nMixtures of 1 to {N_KINDS_MAX} kinds, {N_POINTS} × {N_DIMS}, {N_STARTS} starts; {n_rounds} rounds\n")
     print("| | scikit-learn | ours | ratio |\n|---|---|---|---|")
-    row("all, s", [run["seconds"] for run in theirs], [run["mixtures"] for run in our])
+    rows("all", theirs, our)
     print("\n| kinds | scikit-learn's log-likelihood | ours | ours more by |\n|---|---|---|---|")
     for n_kinds, their in enumerate(theirs[-1]["log-likelihoods"], 1):
         found = our[-1]["log-likelihoods"].get(n_kinds)
