@@ -25,10 +25,11 @@ use crate::symmetric::{N_VECTORS, Symmetric};
 const N_WHOLE_MAX: usize = 256;
 
 /// Vectors of the subspace at which it is looked whether they suffice. At the last it is thinned.
-const SIZES: [usize; 4] = [64, 128, 256, N_BASIS_MAX];
+const SIZES: [usize; 3] = [64, 128, N_BASIS_MAX];
 
-/// Vectors of the subspace at most: to take them apart costs the third power of their number.
-const N_BASIS_MAX: usize = 512;
+/// Vectors of the subspace at most. More need fewer products, but each is made orthogonal to all before it, and to take the
+/// subspace apart costs the third power of their number.
+const N_BASIS_MAX: usize = 256;
 
 /// Vectors that are kept beyond those that are asked for: what is next to be found.
 const N_SPARE: usize = 16;
