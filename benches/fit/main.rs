@@ -29,7 +29,10 @@ use self::data::Data;
 /// Told to a process that runs one part.
 const ONE_PART: &str = "--one-part";
 
-const PARTS: [(&str, fn(&Data)); 5] = [
+/// Its name, and what it measures.
+type Part = (&'static str, fn(&Data));
+
+const PARTS: [Part; 5] = [
     ("bandwidth", |_| bandwidth()),
     ("full", |data| isomap(data, data.n_frames, data.n_frames)),
     ("landmarks", |data| isomap(data, data.n_frames, N_LANDMARKS)),
