@@ -68,6 +68,7 @@ mod search;
 mod simd;
 mod squares;
 mod stream;
+mod symmetric;
 mod tally;
 #[cfg(test)]
 mod testing;

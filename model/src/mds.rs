@@ -9,11 +9,15 @@
 //! squared geodesics the same code is principal component analysis, up to signs; with those of any other metric, classical
 //! scaling.
 
-use faer::Mat;
+use rayon::prelude::*;
 
 use crate::array::Array;
-use crate::eigen::{Eigen, N_WHOLE_MAX, largest, whole};
+use crate::eigen::{Eigen, all_values, largest};
 use crate::simd::Instructions;
+use crate::symmetric::Symmetric;
+
+/// Landmarks of which all eigenvalues are computed, to see how many of them are negative.
+const N_ALL_VALUES_MAX: usize = 1000;
 
 /// An eigenvalue below this share of the largest is rounding, not a dimension.
 const EIGENVALUE_SHARE_MIN: f64 = 1e-12;
@@ -81,14 +85,14 @@ impl Embedding {
     /// * `at_least` — fewer positive eigenvalues than this are an error
     ///
     /// An eigenvector's sign is free; here its entry of largest magnitude is positive, so that equal input gives equal
-    /// output. Up to a thousand landmarks O(n_landmarks³), above O(n_landmarks² · n_dims_max) for some tens of products with
-    /// B. Holds one n_landmarks² matrix, where all eigenvalues are computed a few.
+    /// output. O(n_landmarks² · n_dims_max) for some tens of products with B, and up to a thousand landmarks O(n_landmarks³)
+    /// for the eigenvalues, on the threads of whoever calls. Holds half a n_landmarks² matrix.
     ///
     /// # Errors
     /// If fewer than `at_least` eigenvalues are positive.
     pub fn fit(
         n_landmarks: usize,
-        squared_geodesic: impl Fn(usize, usize) -> f64,
+        squared_geodesic: impl Fn(usize, usize) -> f64 + Sync,
         n_dims_max: usize,
         at_least: usize,
     ) -> Result<(Self, Spectrum), MdsError> {
@@ -97,7 +101,7 @@ impl Embedding {
         }
         let (centred, mean_squared) = centre(n_landmarks, &squared_geodesic);
         let unknown = MdsError::NoEigenvalues { n_landmarks };
-        let Eigen { values, vectors } = largest(centred.as_ref(), n_dims_max).ok_or(unknown.clone())?;
+        let Eigen { values, vectors } = largest(&centred, n_dims_max).ok_or(unknown.clone())?;
         let limit = EIGENVALUE_SHARE_MIN * values[0].max(0.0);
         let n_positive = values.iter().take_while(|value| **value > limit).count();
         if n_positive < at_least {
@@ -115,16 +119,18 @@ impl Embedding {
                 projection[landmark * n_dims + dim] = factor * vector[landmark];
             }
         }
-        let negative_share = if values.len() == n_landmarks {
-            negative_share(&values)
-        } else {
-            let place = |i: usize| i * n_landmarks / N_WHOLE_MAX;
-            let (some, _) = centre(N_WHOLE_MAX, |i, j| squared_geodesic(place(i), place(j)));
-            negative_share(&whole(some.as_ref()).ok_or(unknown)?.values)
+        let n_all = n_landmarks.min(N_ALL_VALUES_MAX);
+        let place = |i: usize| i * n_landmarks / n_all;
+        let among = match n_all == n_landmarks {
+            true => centred,
+            false => centre(n_all, |i, j| squared_geodesic(place(i), place(j))).0,
         };
+        let all = all_values(among.dense().as_ref()).ok_or(unknown)?;
+        let negative_share = negative_share(&all);
+        let eigenvalues = if n_all == n_landmarks { all } else { values };
         let embedding =
             Self { n_dims, projection: projection.into(), mean_squared_geodesics: mean_squared.into() };
-        Ok((embedding, Spectrum { eigenvalues: values, negative_share }))
+        Ok((embedding, Spectrum { eigenvalues, negative_share }))
     }
 
     /// An embedding that was computed before. `None` if the shapes do not fit.
@@ -212,12 +218,15 @@ impl Embedding {
 }
 
 /// B = −½ H Δ H and δ̄, the means of Δ's columns.
-fn centre(n_landmarks: usize, squared_geodesic: impl Fn(usize, usize) -> f64) -> (Mat<f64>, Vec<f64>) {
+fn centre(
+    n_landmarks: usize,
+    squared_geodesic: impl Fn(usize, usize) -> f64 + Sync,
+) -> (Symmetric, Vec<f64>) {
     let n = n_landmarks as f64;
     let column_mean = |j| (0..n_landmarks).map(|i| squared_geodesic(j, i)).sum::<f64>() / n;
-    let means: Vec<f64> = (0..n_landmarks).map(column_mean).collect();
+    let means: Vec<f64> = (0..n_landmarks).into_par_iter().map(column_mean).collect();
     let grand_mean = means.iter().sum::<f64>() / n;
-    let centred = Mat::from_fn(n_landmarks, n_landmarks, |i, j| {
+    let centred = Symmetric::from_fn(n_landmarks, |i, j| {
         // Written so that (i, j) and (j, i) round alike.
         let delta = 0.5 * (squared_geodesic(i, j) + squared_geodesic(j, i));
         -0.5 * (delta - (means[i] + means[j]) + grand_mean)

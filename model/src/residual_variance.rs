@@ -3,6 +3,8 @@
 
 use rayon::prelude::*;
 
+use crate::simd::Instructions;
+
 /// Frames whose pairs are summed by one thread at a time. Fixed, so that sums do not depend on the number of threads.
 const N_FRAMES_AT_A_TIME: usize = 64;
 
@@ -36,12 +38,17 @@ pub fn residual_variance(
         let mut moments = Moments::new(n_dims);
         for (index, frame) in places.chunks_exact(n_dims).enumerate() {
             let frame_index = some * N_FRAMES_AT_A_TIME + index;
-            let others =
-                landmarks.iter().enumerate().filter(|(_, landmark)| **landmark as usize != frame_index);
-            for (lane, &landmark) in others {
-                let other = &coordinates[landmark as usize * n_dims..][..n_dims];
-                moments.add(geodesic(frame_index, lane), frame, other);
-            }
+            Instructions::widest().run(
+                #[inline(always)]
+                || {
+                    for (lane, &landmark) in landmarks.iter().enumerate() {
+                        if landmark as usize != frame_index {
+                            let other = &coordinates[landmark as usize * n_dims..][..n_dims];
+                            moments.add(geodesic(frame_index, lane), frame, other);
+                        }
+                    }
+                },
+            );
         }
         moments
     };
@@ -100,6 +107,8 @@ impl Moments {
         Self { n: 0.0, mean_x: 0.0, xx: 0.0, y: zeros(), mean_y: zeros(), yy: zeros(), xy: zeros() }
     }
 
+    /// Inlined, so that it is compiled for the instructions of whoever calls.
+    #[inline(always)]
     fn add(&mut self, x: f64, frame: &[f64], other: &[f64]) {
         self.n += 1.0;
         let share = 1.0 / self.n;
