@@ -3,8 +3,7 @@
 //! `frames.npy` holds raw counts, `response.npy` the table that maps them to the scale on which frames are compared,
 //! `trip.mcap` the first frames as a robot records them, and `coordinates.npy` what an embedding makes of them.
 
-use std::fs::File;
-use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::thread;
 
@@ -12,8 +11,7 @@ use kinds_driver_shim::simulated::{Chew, Robot};
 use kinds_model::{Response, ResponsePlan, Scale, SensorLayout};
 use kinds_trips::{FrameLayout, Image, ImageEncoding, Stamp, TripWriter, WriterOptions};
 
-/// Bytes of a header; the numbers follow.
-const N_HEADER_BYTES: usize = 128;
+use crate::npy::{create, read, write_counts};
 
 /// Drives side by side.
 const N_DRIVES: u32 = 2;
@@ -132,36 +130,4 @@ fn write_frame(trip: &mut TripWriter, captured: Stamp, counts: &[u16]) {
     let encoding = ImageEncoding::Millimetres;
     let image = Image { counts, layout, encoding, big_endian: false, row_padding_bytes: 0 };
     trip.write_image("/frames", captured, &image).expect("the trip can be written");
-}
-
-/// A file that numpy reads, whose numbers are yet to be written (NEP 1, version 1.0).
-fn create(path: &Path, number: &str, shape: &[usize]) -> BufWriter<File> {
-    let shape: String = shape.iter().map(|n| format!("{n}, ")).collect();
-    let header = format!("{{'descr': '{number}', 'fortran_order': False, 'shape': ({shape}), }}");
-    let n_after = N_HEADER_BYTES - 10;
-    let mut file = BufWriter::new(File::create(path).expect("a file in the data's folder can be made"));
-    let mut begin = b"\x93NUMPY\x01\x00".to_vec();
-    begin.extend((n_after as u16).to_le_bytes());
-    begin.extend(format!("{header:<width$}\n", width = n_after - 1).into_bytes());
-    assert_eq!(begin.len(), N_HEADER_BYTES);
-    file.write_all(&begin).expect("a header can be written");
-    file
-}
-
-fn write_counts(file: &mut impl Write, counts: &[u16]) {
-    let bytes: Vec<u8> = counts.iter().flat_map(|count| count.to_le_bytes()).collect();
-    file.write_all(&bytes).expect("counts can be written");
-}
-
-/// The first `n` numbers of a file that [`create`] began.
-fn read<T, const BYTES: usize>(path: &Path, n: usize, of_bytes: fn([u8; BYTES]) -> T) -> Vec<T> {
-    let mut file = File::open(path).expect("the data was prepared");
-    file.seek(SeekFrom::Start(N_HEADER_BYTES as u64)).expect("it has a header");
-    let mut file = BufReader::new(file);
-    let next = |_| {
-        let mut bytes = [0; BYTES];
-        file.read_exact(&mut bytes).expect("it has as many numbers");
-        of_bytes(bytes)
-    };
-    (0..n).map(next).collect()
 }

@@ -9,6 +9,8 @@
 #![allow(clippy::print_stdout, reason = "a bench is there to print")]
 
 mod data;
+#[path = "../npy/mod.rs"]
+mod npy;
 
 use std::hint::black_box;
 use std::process::Command;
