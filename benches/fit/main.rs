@@ -11,22 +11,24 @@
 mod data;
 #[path = "../npy/mod.rs"]
 mod npy;
+#[path = "../steps/mod.rs"]
+mod steps;
 
 use std::hint::black_box;
 use std::process::Command;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use kinds_model::em::fit_mixture;
 use kinds_model::mds::Embedding;
 use kinds_model::{
     EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, Provenance, fit,
 };
-use kinds_trainer::{Config, Stage, train};
+use kinds_trainer::Config;
 use rayon::prelude::*;
-use rustix::time::{ClockId, Timespec, clock_gettime};
 
 use self::data::Data;
+use self::steps::{Clock, Steps, peak, told, training};
 
 /// Told to a process that runs one part.
 const ONE_PART: &str = "--one-part";
@@ -141,15 +143,8 @@ fn quality(model: &Model) {
 
 /// A training from a trip to a model, everything chosen by the trainer.
 fn whole(data: &Data) {
-    let mut steps = Steps::new();
-    let trained = train(&[data.trip()], &Config::default(), &mut |stage, _, _| match stage {
-        Stage::Fitting(step) => steps.at(format!("{step:?}")),
-        _ => steps.at("Reading".to_string()),
-    });
-    let trained = trained.expect("a simulated trip makes a model");
-    steps.print("training");
-    peak();
-    let manifest = trained.model.manifest();
+    let model = training(&data.trip(), &Config::default());
+    let manifest = model.manifest();
     println!(
         "  {} neighbours, {} dimensions, {} kinds",
         manifest.n_neighbors, manifest.n_dims, manifest.n_kinds
@@ -188,75 +183,4 @@ fn mixture(data: &Data) {
             Err(error) => println!("  {n_kinds:2} kinds, {error}"),
         }
     }
-}
-
-/// How long each step took: what passed until its last word belongs to it.
-struct Steps {
-    clock: Clock,
-    taken: Vec<(String, Taken)>,
-}
-
-impl Steps {
-    fn new() -> Self {
-        Self { clock: Clock::start(), taken: Vec::new() }
-    }
-
-    fn at(&mut self, step: String) {
-        let at = self.clock.taken();
-        match self.taken.last_mut() {
-            Some((last, until)) if *last == step => *until = at,
-            _ => self.taken.push((step, at)),
-        }
-    }
-
-    fn print(self, what: &str) {
-        told(what, self.clock.taken());
-        let mut before = Taken::default();
-        for (step, until) in self.taken {
-            let Taken { wall, processors } = until;
-            let of_step = Taken { wall: wall - before.wall, processors: processors - before.processors };
-            told(&format!("  until the last of {step}"), of_step);
-            before = until;
-        }
-    }
-}
-
-/// Two clocks: on a machine that has other work too, only the second is to be trusted.
-struct Clock {
-    began: Instant,
-    processors_began: Duration,
-}
-
-/// What passed, and what all processors spent on this process.
-#[derive(Clone, Copy, Default)]
-struct Taken {
-    wall: Duration,
-    processors: Duration,
-}
-
-impl Clock {
-    fn start() -> Self {
-        Self { began: Instant::now(), processors_began: processors() }
-    }
-
-    fn taken(&self) -> Taken {
-        Taken { wall: self.began.elapsed(), processors: processors() - self.processors_began }
-    }
-}
-
-fn processors() -> Duration {
-    let Timespec { tv_sec, tv_nsec } = clock_gettime(ClockId::ProcessCPUTime);
-    Duration::new(tv_sec as u64, tv_nsec as u32)
-}
-
-fn told(what: &str, Taken { wall, processors }: Taken) {
-    println!("  {what:<40} {:9.3} s {:9.3} s of processors", wall.as_secs_f64(), processors.as_secs_f64());
-}
-
-/// The most memory that this process has held.
-fn peak() {
-    let status = std::fs::read_to_string("/proc/self/status").expect("Linux tells of a process");
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("with its peak");
-    let kib: f64 = line.trim().trim_end_matches(" kB").parse().expect("in kB");
-    println!("  {:<40} {:9.0} MB", "peak memory", kib * 1024.0 / 1e6);
 }

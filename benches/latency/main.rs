@@ -25,6 +25,8 @@
 mod child;
 mod hop;
 mod processors;
+#[path = "../simulated/mod.rs"]
+mod simulated;
 mod trained;
 
 use std::hint::black_box;
@@ -34,7 +36,8 @@ use kinds_messages::{Waiting, monotonic_ns};
 use kinds_model::Classifier;
 
 use crate::hop::{Channels, Condition, Hop, OneNumber, Socket};
-use crate::trained::{ROBOTS, Trained};
+use crate::simulated::{CAMERA, RING};
+use crate::trained::Trained;
 
 /// Frames of a round that are measured, after those that warm up.
 const N_MEASURED: usize = 600;
@@ -59,7 +62,7 @@ fn main() {
     let n_rounds = asked("KINDS_BENCH_ROUNDS").unwrap_or(11);
     let period = Duration::from_micros(asked("KINDS_BENCH_PERIOD_US").unwrap_or(1000) as u64);
     // All that is learnt first: it would keep others off the processors for long.
-    let all = ROBOTS.map(|robot| Trained::on(robot, n_frames));
+    let all = [RING, CAMERA].map(|robot| Trained::on(&robot, n_frames));
     println!(
         "from when a frame is due to its report in a consumer's hands, µs; a frame every {} µs; real-time priority: {}\n\
          p50: the median of {n_rounds} rounds, with the least and the greatest; others: of all {} frames\n\
@@ -74,7 +77,7 @@ fn main() {
         let paced = classify_paced(trained, period);
         println!(
             "\n{}, {n_frames} reference frames; classifying alone: p50 {alone:.2}, at the bench's pace {paced:.2}",
-            trained.name
+            trained.title
         );
         for condition in CONDITIONS {
             println!("{:36} p50    (least … greatest)      p99    p99.9   beyond, p50", condition.name);

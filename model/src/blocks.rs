@@ -152,6 +152,7 @@ impl Grid {
 
     /// * `readings` — shape `(rows, columns)`
     /// * `columns` — shape `(columns,)` each; overwritten
+    /// * `moments` — overwritten
     #[inline(always)]
     fn measure(self, readings: &[u16], columns: &mut (Vec<u32>, Vec<u64>), moments: &mut Moments) {
         let (sums, squares) = (&mut columns.0[..self.columns], &mut columns.1[..self.columns]);
@@ -198,8 +199,8 @@ impl Grid {
     /// distance / √M ≥ ‖f(q) − f(x)‖ ≥ ‖f̃(q) − f̃(x)‖ − 1.001 √n
     /// ```
     ///
-    /// The square of the last norm is exact at the finer levels, and computed in `f32` at the coarse one, of n differences,
-    /// squares and sums of nothing below zero. In whatever order these are added, no term is rounded more than n + 2 times,
+    /// The square of the last norm is exact at the finer levels until it is rounded to `f32`, and computed in `f32` at the coarse
+    /// one, of n differences, squares and sums of nothing below zero. In whatever order these are added, no term is rounded more than n + 2 times,
     /// each time by at most u = 2⁻²⁴ of itself: the bound is at most `(1 + u)^(n+2)` times that square.
     fn limit(self, squared_distance: u64) -> f32 {
         let n_features = self.n_features() as f64;

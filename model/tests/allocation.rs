@@ -1,5 +1,7 @@
 //! Classifying allocates nothing. Alone in its program, since the allocator counts for all tests of one.
 
+mod waves;
+
 use std::sync::Arc;
 
 use kinds_model::{
@@ -8,22 +10,12 @@ use kinds_model::{
 };
 use peak_alloc::PeakAlloc;
 
+use crate::waves::trip;
+
 #[global_allocator]
 static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 const N_FRAMES: usize = 300;
-
-/// Waves that move and turn, unlike each other in every reading.
-fn trip(sensor: SensorLayout, n_frames: usize) -> Vec<u16> {
-    let reading = |index: usize| {
-        let (frame, reading) = (index / sensor.n_readings(), index % sensor.n_readings());
-        let phase = frame as f64 / 15.0;
-        (5000.0
-            + 3000.0 * (phase + reading as f64 / 90.0).cos() * (phase * 0.3).sin()
-            + (index * 7919 % 97) as f64) as u16
-    };
-    (0..n_frames * sensor.n_readings()).map(reading).collect()
-}
 
 fn plan(sensor: SensorLayout, method: Method, metric: MetricPlan) -> FitPlan {
     FitPlan {

@@ -2,6 +2,9 @@
 //! allocator counts for all tests of one.
 #![allow(unsafe_code, reason = "an allocator that counts")]
 
+#[path = "../../model/tests/waves/mod.rs"]
+mod waves;
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -15,6 +18,8 @@ use kinds_model::{
     ModelId, Origin, ResponsePlan, Scale, SensorLayout, fit,
 };
 use kinds_service::{Classify, Service};
+
+use crate::waves::trip;
 
 /// The system's allocator, which counts.
 struct Counting {
@@ -107,18 +112,6 @@ impl Classify for Noting {
 
 const N_FRAMES: usize = 300;
 
-/// Waves that move and turn, unlike each other in every reading.
-fn trip(sensor: SensorLayout) -> Vec<u16> {
-    let reading = |index: usize| {
-        let (frame, reading) = (index / sensor.n_readings(), index % sensor.n_readings());
-        let phase = frame as f64 / 15.0;
-        (5000.0
-            + 3000.0 * (phase + reading as f64 / 90.0).cos() * (phase * 0.3).sin()
-            + (index * 7919 % 97) as f64) as u16
-    };
-    (0..N_FRAMES * sensor.n_readings()).map(reading).collect()
-}
-
 fn classifier(sensor: SensorLayout) -> Classifier {
     let plan = FitPlan {
         sensor,
@@ -136,7 +129,7 @@ fn classifier(sensor: SensorLayout) -> Classifier {
         em: EmPlan { n_starts: 1, ..EmPlan::new(0) },
         seed: 0,
     };
-    let model = fit(trip(sensor), &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
+    let model = fit(trip(sensor, N_FRAMES), &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
     Classifier::new(Arc::new(model))
 }
 
@@ -166,7 +159,7 @@ fn check(sensor: SensorLayout, waiting: Waiting) {
     let shim = FramePublisher::create(&node, &name, sensor.n_readings()).unwrap();
     let SensorLayout { rows, columns, metres_per_count } = sensor;
     let stop = AtomicBool::new(true);
-    let trip = trip(sensor);
+    let trip = trip(sensor, N_FRAMES);
     for (sequence, counts) in (0..).zip(trip.chunks_exact(sensor.n_readings())) {
         let header =
             FrameHeader { run: 7, sequence, rows, columns, metres_per_count, ..FrameHeader::default() };
