@@ -1,16 +1,18 @@
 //! What may go wrong on a robot, made to happen: programs killed, stopped and slow, a clock that steps, frames that are
 //! spoilt on their way.
 
+#![allow(clippy::print_stderr, reason = "a test says how long it took, and does not judge it")]
+
 use kinds_messages::{FRAME_BUFFER, FrameHeader, FramePublisher};
 use rustix::process::Signal;
 
-use crate::ordeal::{Ordeal, PROGRAMS, Program, RECORDED};
+use crate::ordeal::{Ordeal, PROGRAMS, RECORDED};
 use crate::robot::{MODEL, Robot, SECOND, SENSOR};
 use crate::running::await_that;
 use crate::world::{Trip, read_trip};
 
 /// A robot with a model of Crunch's sensor, learnt from its own trip.
-pub(crate) fn crunch() -> Robot {
+fn crunch() -> Robot {
     let robot = Robot::new();
     let recorder = robot.start(&["record", "--sensor", SENSOR, "--output", "drive.mcap", "--count", "300"]);
     recorder.await_err("kinds: waiting for a driver shim to publish crunch/ring");
@@ -50,6 +52,7 @@ fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_not
         }
     }
     assert_eq!(ordeal.n_kills, [25; PROGRAMS.len()]);
+    eprintln!("all were well again within {:?} of the last start, at the slowest", ordeal.longest_return);
     // Who was killed last is cleaned up after by those who live, every few seconds.
     let has_not_grown = || {
         let after = ordeal.remains();
@@ -77,7 +80,7 @@ fn a_service_that_stands_still_loses_the_oldest_frames_and_says_how_many() {
     let shim = robot.publish("long.mcap", "20");
     consumer.await_reports(5);
     service.freeze();
-    // Frames come ever faster than a service that takes none: the sensor waits for nobody.
+    // The extreme of a sensor that is too fast: frames come, none is taken. It waits for nobody.
     assert_eq!(shim.end().code, Some(0));
     service.signal(Signal::CONT);
     let reports = consumer.await_frame(299).to_vec();
@@ -125,8 +128,6 @@ fn a_consumer_that_stands_still_is_noticed_by_nobody_and_says_how_many_reports_i
     assert_eq!(shim.end().code, Some(0));
     watch.signal(Signal::CONT);
     watch.await_out("{\"sequence\":599,");
-    let lost = watch.await_err("kinds: ");
-    assert!(lost.starts_with("kinds: waiting"), "{lost}");
     let lost = watch.err().into_iter().find(|line| line.contains(" reports lost: ")).unwrap();
     let n_lost: usize = lost.split(' ').nth(1).unwrap().parse().unwrap();
     assert_eq!(watch.stop(Signal::TERM).lines().count() + n_lost, n_frames);

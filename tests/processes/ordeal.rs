@@ -31,13 +31,13 @@ const N_REPORTS: usize = 5;
 /// A robot whose four programs run, and a witness of all that they say.
 pub(crate) struct Ordeal<'a> {
     robot: &'a Robot,
-    /// Multiple of ten frames a second.
+    /// Multiple of the robot's ten frames a second.
     speed: &'a str,
     random: ChaCha8Rng,
     running: [Option<Running>; 4],
     witness: Witness,
     pub(crate) n_kills: [u64; 4],
-    /// Longest time from a program's start to its part in all being well.
+    /// Longest time from the last start until all did their part again.
     pub(crate) longest_return: Duration,
 }
 
@@ -91,16 +91,6 @@ impl<'a> Ordeal<'a> {
 
     pub(crate) fn running(&self, program: Program) -> &Running {
         self.running[program as usize].as_ref().unwrap()
-    }
-
-    /// Starts the shim anew where its trip is over, and publishes at another pace from now on if asked to.
-    pub(crate) fn renew_shim(&mut self, speed: Option<&'a str>) {
-        let has_ended = self.running[Program::Shim as usize].as_mut().unwrap().has_ended();
-        if has_ended || speed.is_some() {
-            self.speed = speed.unwrap_or(self.speed);
-            self.running[Program::Shim as usize].take().unwrap().kill();
-            self.start(Program::Shim);
-        }
     }
 
     /// Waits until all four do their part, and asserts that from then on every frame is reported exactly once, in order.

@@ -210,12 +210,6 @@ impl Robot {
         &self.domain
     }
 
-    /// A program that a shell starts after it has done something else: `$0` is the program, `$@` what it is told.
-    pub(crate) fn shell(&self, before: &str, arguments: &[&str]) -> Command {
-        let kinds = env!("CARGO_BIN_EXE_kinds");
-        self.command_of("sh", &[&["-c", before, kinds], arguments].concat())
-    }
-
     /// Joins the robot's domain, in this process, as a reader of kind reports.
     pub(crate) fn join(&self) -> Consumer {
         Consumer::join(&self.domain, SENSOR)

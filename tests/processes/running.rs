@@ -79,12 +79,6 @@ impl Running {
         status.lines().find_map(|line| line.strip_prefix(beginning)).unwrap().trim().to_string()
     }
 
-    /// For how long it has had a processor so far, ns.
-    pub(crate) fn cpu_ns(&self) -> u64 {
-        let told = std::fs::read_to_string(format!("/proc/{}/schedstat", self.child.id())).unwrap();
-        told.split(' ').next().unwrap().parse().unwrap()
-    }
-
     /// Stops it (SIGSTOP), and returns when it stands still.
     pub(crate) fn freeze(&self) {
         self.signal(Signal::STOP);

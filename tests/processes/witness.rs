@@ -18,8 +18,6 @@ pub(crate) type FrameId = (u64, u64);
 pub(crate) struct Seen {
     pub(crate) id: FrameId,
     pub(crate) n_lost: u64,
-    /// From sending the frame to sending the report.
-    pub(crate) latency_ns: u64,
 }
 
 /// All that was seen, in order.
@@ -37,16 +35,6 @@ impl Ledger {
             *n_reports.entry(report.id).or_default() += 1;
         }
         n_reports.into_iter().filter(|&(_, n)| n > 1).map(|(id, _)| id).collect()
-    }
-
-    /// How many frames there were: of each run, those up to the last that was seen.
-    pub(crate) fn n_published(&self) -> u64 {
-        let mut ends: HashMap<u64, u64> = HashMap::new();
-        for &(run, sequence) in self.frames.iter().chain(self.reports.iter().map(|report| &report.id)) {
-            let end = ends.entry(run).or_default();
-            *end = (*end).max(sequence + 1);
-        }
-        ends.values().sum()
     }
 }
 
@@ -73,9 +61,8 @@ impl Witness {
                     ledger.frames.push((frame.header().run, frame.header().sequence));
                 }
                 while let Some(report) = reports.receive().unwrap() {
-                    let latency_ns = report.reported_monotonic_ns.saturating_sub(report.sent_monotonic_ns);
                     let id = (report.run, report.sequence);
-                    ledger.reports.push(Seen { id, n_lost: report.n_lost, latency_ns });
+                    ledger.reports.push(Seen { id, n_lost: report.n_lost });
                 }
             }
         });
