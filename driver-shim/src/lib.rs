@@ -9,9 +9,11 @@
 //! for nobody, a replayed trip can wait for every report.
 //!
 //! Devices: [`Paced`] frames of a [`Source`], such as the [`Replay`] of a recorded trip or a
-//! [`simulated`] robot.
+//! [`simulated`] robot. [`Faulty`] wraps any of them and spoils some of its frames, to see what the others make of it.
 #![forbid(unsafe_code)]
 
+mod faults;
+mod faulty;
 mod flow;
 mod notice;
 mod pace;
@@ -22,9 +24,11 @@ pub mod simulated;
 #[cfg(test)]
 mod tests;
 
+pub use faults::{Faults, FaultsError};
+pub use faulty::{Faulty, Injected};
 pub use flow::{FOLLOW_WINDOW, Flow};
 pub use notice::Notice;
 pub use pace::{Pace, PaceError, Speed};
 pub use paced::{Paced, Replay, Source};
-pub use sensor::{Capture, Reading, Sensor, SensorError};
+pub use sensor::{Capture, NumberedFrame, Reading, Sensor, SensorError};
 pub use shim::{Shim, ShimError, Summary};

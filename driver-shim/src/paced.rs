@@ -32,7 +32,7 @@ pub type Replay = Paced<TripReader>;
 impl<S: Source> Paced<S> {
     /// Gives a source's frames at a pace.
     pub fn new(source: S, pace: Pace) -> Self {
-        Self::with_clock(source, pace, Box::new(SystemClock { start: Instant::now() }))
+        Self::with_clock(source, pace, Box::new(SystemClock::new()))
     }
 
     pub(crate) fn with_clock(source: S, pace: Pace, clock: Box<dyn Clock>) -> Self {
@@ -91,8 +91,14 @@ pub(crate) trait Clock {
     fn sleep(&self, duration: Duration);
 }
 
-struct SystemClock {
+pub(crate) struct SystemClock {
     start: Instant,
+}
+
+impl SystemClock {
+    pub(crate) fn new() -> Self {
+        Self { start: Instant::now() }
+    }
 }
 
 impl Clock for SystemClock {
@@ -172,6 +178,7 @@ mod tests {
             match replay.read(&mut counts, timeout).unwrap() {
                 Reading::End => return (frames, n_not_yet),
                 Reading::NotYet => n_not_yet += 1,
+                Reading::Numbered(_) => panic!("a replay leaves numbering to the shim"),
                 Reading::Frame(capture) => {
                     frames.push((clock.now(), std::mem::replace(&mut counts, vec![0; 3]), capture));
                 }

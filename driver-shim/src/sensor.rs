@@ -25,10 +25,24 @@ pub trait Sensor {
 pub enum Reading {
     /// A frame: all counts are written.
     Frame(Capture),
+    /// A frame of a device that numbers its frames itself, and may not have written all of its counts.
+    Numbered(NumberedFrame),
     /// None within the timeout.
     NotYet,
     /// There are no more frames.
     End,
+}
+
+/// A frame as its device numbers it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NumberedFrame {
+    /// What is known of it.
+    pub capture: Capture,
+    /// Its number, from 0. Numbers that never come are frames that were lost before they reached us; one that comes again,
+    /// or late, is sent all the same.
+    pub sequence: u64,
+    /// Counts that are written, from the first: as many as the layout has, unless the device is at fault.
+    pub n_readings: usize,
 }
 
 /// What is known of a frame besides its counts.

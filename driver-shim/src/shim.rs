@@ -7,7 +7,7 @@ use kinds_messages::{ChannelError, FrameHeader, FramePublisher, Node, SensorName
 use kinds_trips::FrameLayout;
 
 use crate::flow::{TICK, Traffic};
-use crate::{Capture, Flow, Notice, Reading, Sensor, SensorError};
+use crate::{Capture, Flow, Notice, NumberedFrame, Reading, Sensor, SensorError};
 
 /// Publishes one device under a sensor's name.
 pub struct Shim<S> {
@@ -17,6 +17,8 @@ pub struct Shim<S> {
     frames: FramePublisher,
     traffic: Traffic,
     n_frames: u64,
+    /// Number of the frame after all that were sent.
+    next_sequence: u64,
 }
 
 /// What a shim did.
@@ -50,7 +52,7 @@ impl<S: Sensor> Shim<S> {
         let header = FrameHeader { run, rows, columns, metres_per_count, ..FrameHeader::default() };
         let frames = FramePublisher::create(node, sensor, device.layout().n_readings())?;
         let traffic = Traffic::open(node, sensor, flow, run)?;
-        Ok(Self { device, header, frames, traffic, n_frames: 0 })
+        Ok(Self { device, header, frames, traffic, n_frames: 0, next_sequence: 0 })
     }
 
     /// Publishes until the device ends or `stop` is set; returns what was done, and tells on the way what it waits for.
@@ -67,12 +69,12 @@ impl<S: Sensor> Shim<S> {
                 Ok(Published::Frame) => {}
                 Ok(Published::Stopped) => break,
                 Ok(Published::All) => {
-                    self.traffic.linger(self.n_frames, stop)?;
+                    self.traffic.linger(self.next_sequence, stop)?;
                     break;
                 }
                 Err(ShimError::Sensor(error)) => {
                     // What came before is good: let it be read.
-                    self.traffic.linger(self.n_frames, stop)?;
+                    self.traffic.linger(self.next_sequence, stop)?;
                     return Err(error.into());
                 }
                 Err(error) => return Err(error),
@@ -97,13 +99,13 @@ impl<S: Sensor> Shim<S> {
         notice: &mut dyn FnMut(Notice),
     ) -> Result<Published, ShimError> {
         let mut loan = self.frames.loan()?;
-        let header = loop {
+        let n_readings = loan.counts_mut().len();
+        let frame = loop {
             match self.device.read(loan.counts_mut(), TICK)? {
-                Reading::Frame(Capture { captured, pose, command, true_pose }) => {
-                    let captured_ns = captured.0;
-                    let header = FrameHeader { sequence: self.n_frames, captured_ns, ..self.header };
-                    break header.with_pose(pose).with_command(command).with_true_pose(true_pose);
+                Reading::Frame(capture) => {
+                    break NumberedFrame { capture, sequence: self.next_sequence, n_readings };
                 }
+                Reading::Numbered(frame) => break frame,
                 Reading::NotYet if stop.load(Ordering::Relaxed) => return Ok(Published::Stopped),
                 Reading::NotYet => {
                     self.frames.update()?;
@@ -113,12 +115,24 @@ impl<S: Sensor> Shim<S> {
             }
         };
         // Only now, with the frame ready: a device that has ended does not wait for room that it has no use for.
-        if !self.traffic.await_room(self.n_frames, stop, notice)? {
+        if !self.traffic.await_room(self.next_sequence, stop, notice)? {
             return Ok(Published::Stopped);
         }
-        loan.send(&header)?;
+        let header = self.header_of(&frame);
+        if frame.n_readings == n_readings {
+            loan.send(&header)?;
+        } else {
+            loan.send_first(frame.n_readings, &header)?;
+        }
         self.n_frames += 1;
+        self.next_sequence = self.next_sequence.max(frame.sequence.saturating_add(1));
         Ok(Published::Frame)
+    }
+
+    fn header_of(&self, frame: &NumberedFrame) -> FrameHeader {
+        let Capture { captured, pose, command, true_pose } = frame.capture;
+        let header = FrameHeader { sequence: frame.sequence, captured_ns: captured.0, ..self.header };
+        header.with_pose(pose).with_command(command).with_true_pose(true_pose)
     }
 }
 

@@ -68,7 +68,11 @@ impl FramePublisher {
 
     /// Lends a slot in shared memory, all counts 0, to be filled and sent, or dropped. One at a time.
     pub fn loan(&self) -> Result<FrameLoan<'_>, ChannelError> {
-        let slot = self.publisher.loan_slice(self.n_readings).map_err(|error| match error {
+        self.lend(self.n_readings)
+    }
+
+    fn lend(&self, n_readings: usize) -> Result<FrameLoan<'_>, ChannelError> {
+        let slot = self.publisher.loan_slice(n_readings).map_err(|error| match error {
             LoanError::ExceedsMaxLoans => {
                 ChannelError::TooManyHeld { channel: self.channel.name(), limit: self.channel.limits().loans }
             }
@@ -109,6 +113,18 @@ impl FrameLoan<'_> {
         *self.slot.user_header_mut() = FrameHeader { sent_monotonic_ns: monotonic_ns(), ..*header };
         self.slot.send().map_err(|error| ChannelError::transport("send a frame on", channel, error))?;
         notify(notifier, channel)
+    }
+
+    /// Sends only the first counts, as a device at fault hands them over, for readers to refuse: a frame's length is settled
+    /// when its slot is lent, so this takes another one, and copies.
+    pub fn send_first(self, n_readings: usize, header: &FrameHeader) -> Result<(), ChannelError> {
+        let Self { slot, publisher } = self;
+        let counts = slot.payload()[..n_readings].to_vec();
+        // One loan at a time.
+        drop(slot);
+        let mut shorter = publisher.lend(n_readings)?;
+        shorter.counts_mut().copy_from_slice(&counts);
+        shorter.send(header)
     }
 }
 

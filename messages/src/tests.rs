@@ -220,6 +220,22 @@ fn one_loan_at_a_time_and_two_frames_in_hand() {
 }
 
 #[test]
+fn a_frame_sent_in_part_has_as_many_counts_and_leaves_the_next_whole() {
+    let domain = OwnDomain::make().unwrap();
+    let node = open(&domain);
+    let reader = FrameReader::open(&node, &ring()).unwrap();
+    let publisher = FramePublisher::create(&node, &ring(), 4).unwrap();
+    for n_readings in [3, 0, 4] {
+        let mut loan = publisher.loan().unwrap();
+        loan.counts_mut().copy_from_slice(&[5, 6, 7, 8]);
+        loan.send_first(n_readings, &header(1)).unwrap();
+        let frame = reader.receive().unwrap().unwrap();
+        assert_eq!(frame.counts(), &[5, 6, 7, 8][..n_readings]);
+        assert_eq!(frame.header().columns, 4);
+    }
+}
+
+#[test]
 fn more_readers_than_a_channel_has_room_for_are_refused_in_words() {
     let domain = OwnDomain::make().unwrap();
     let node = open(&domain);

@@ -144,6 +144,11 @@ pub(crate) struct PublishArguments {
     /// Lose nothing: wait for a service, and go no faster than it reports (as --speed max always does)
     #[arg(long)]
     pub(crate) follow: bool,
+    /// Spoil some frames, to see what the others make of it: how often each fault befalls one is in this file, such as
+    /// (seed: 7, drop: 0.01, repeat: 0.01, reorder: 0.01, delay: 0.01, delay_ms: 300, flip_bit: 0.01, invalid: 0.01,
+    /// wrong_length: 0.01)
+    #[arg(long, value_name = "FAULTS.ron")]
+    pub(crate) faults: Option<PathBuf>,
     #[command(flatten)]
     reading: ReadingArguments,
     #[command(flatten)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot};
-use kinds_driver_shim::{Flow, Pace, Paced, Shim, Source};
+use kinds_driver_shim::{Faults, Faulty, Flow, Pace, Paced, Sensor, Shim, Source};
 use kinds_messages::Node;
 use kinds_trips::TripReader;
 
@@ -58,12 +58,38 @@ pub(crate) fn robot(name: RobotName, floor: Floor, trip: u32, seed: u64) -> Box<
     }
 }
 
-/// Publishes a source to its end, and then says what `remark` has to say of it.
+/// Publishes a source to its end, with faults if they are asked for, and then says what `remark` has to say of it.
 fn publish<S: Source>(
     source: S,
     arguments: &PublishArguments,
     stop: &Arc<AtomicBool>,
     remark: impl Fn(&S) -> Option<String>,
+) -> Result<(), Failure> {
+    let device = Paced::new(source, arguments.speed);
+    let Some(path) = &arguments.faults else {
+        return publish_device(device, arguments, stop, |device| {
+            remark(device.source()).into_iter().collect()
+        });
+    };
+    let faulty = Faulty::new(device, read_faults(path)?);
+    publish_device(faulty, arguments, stop, |faulty| {
+        let injected = format!("faults were injected into {}", faulty.injected());
+        remark(faulty.device().source()).into_iter().chain([injected]).collect()
+    })
+}
+
+fn read_faults(path: &Path) -> Result<Faults, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|error| Failure::file("read faults", path, &error))?;
+    Faults::from_ron(&text)
+        .map_err(|error| Failure::AskedWrongly(format!("faults {}: {error}", path.display())))
+}
+
+/// Publishes a device to its end, and then says all that `remarks` has to say of it.
+fn publish_device<S: Sensor>(
+    device: S,
+    arguments: &PublishArguments,
+    stop: &Arc<AtomicBool>,
+    remarks: impl Fn(&S) -> Vec<String>,
 ) -> Result<(), Failure> {
     let domain = arguments.domain.join(stop);
     let node = Node::open(&domain, "kinds-publish")?;
@@ -74,9 +100,9 @@ fn publish<S: Source>(
         Pace::Recorded(_) if arguments.simulate.is_some() => Flow::Live,
         pace => pace.flow(),
     };
-    let mut shim = Shim::new(&node, sensor, Paced::new(source, pace), flow)?;
+    let mut shim = Shim::new(&node, sensor, device, flow)?;
     let summary = shim.run(stop, &mut |notice| eprintln!("kinds: {notice}"))?;
-    if let Some(remark) = remark(shim.device().source()) {
+    for remark in remarks(shim.device()) {
         eprintln!("kinds: {remark}");
     }
     let (n_frames, duration_s) = (summary.n_frames, summary.duration.as_secs_f64());

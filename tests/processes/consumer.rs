@@ -28,6 +28,21 @@ impl Consumer {
         &self.reports
     }
 
+    /// Takes reports until that on the frame of this number has come.
+    pub(crate) fn await_frame(&mut self, sequence: u64) -> &[KindReport] {
+        let start = Instant::now();
+        while self.take() == 0 || self.reports.last().is_none_or(|last| last.sequence < sequence) {
+            assert!(start.elapsed() < DEADLINE, "{} reports came, none on {sequence}", self.reports.len());
+            self.reader.wait(Duration::from_millis(50)).unwrap();
+        }
+        &self.reports
+    }
+
+    /// The next report, if one waits.
+    pub(crate) fn take_one(&mut self) -> Option<KindReport> {
+        self.reader.receive().unwrap()
+    }
+
     /// Takes reports until the shim has ended, and returns all that came. A shim ends when its frames are reported.
     pub(crate) fn await_end_of(mut self, shim: &mut Running) -> Vec<KindReport> {
         let start = Instant::now();

@@ -90,7 +90,7 @@ impl Robot {
         self.command_of(env!("CARGO_BIN_EXE_kinds"), arguments)
     }
 
-    fn command_of(&self, program: &str, arguments: &[&str]) -> Command {
+    pub(crate) fn command_of(&self, program: &str, arguments: &[&str]) -> Command {
         let mut command = Command::new(program);
         command
             .args(arguments)
@@ -198,8 +198,16 @@ impl Robot {
 
     /// Joins the robot's domain, in this process, as a reader of frames.
     pub(crate) fn join_frames(&self) -> FrameReader {
-        let node = Node::open(&self.domain, "test").unwrap();
-        FrameReader::open(&node, &SENSOR.parse().unwrap()).unwrap()
+        FrameReader::open(&self.node(), &SENSOR.parse().unwrap()).unwrap()
+    }
+
+    /// This process as a member of the robot's domain.
+    pub(crate) fn node(&self) -> Node {
+        Node::open(&self.domain, "test").unwrap()
+    }
+
+    pub(crate) fn domain(&self) -> &Domain {
+        &self.domain
     }
 
     /// Joins the robot's domain, in this process, as a reader of kind reports.

@@ -63,6 +63,11 @@ impl Running {
             .unwrap_or_else(|lines| panic!("kinds {}: no {beginning:?} in {lines:?}", self.arguments))
     }
 
+    /// What it has printed so far.
+    pub(crate) fn out(&self) -> Vec<String> {
+        self.out.as_ref().unwrap().so_far()
+    }
+
     /// What it has said on standard error so far.
     pub(crate) fn err(&self) -> Vec<String> {
         self.err.so_far()
@@ -72,6 +77,12 @@ impl Running {
     pub(crate) fn status(&self, beginning: &str) -> String {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
         status.lines().find_map(|line| line.strip_prefix(beginning)).unwrap().trim().to_string()
+    }
+
+    /// Stops it (SIGSTOP), and returns when it stands still.
+    pub(crate) fn freeze(&self) {
+        self.signal(Signal::STOP);
+        await_that(|| self.status("State:").starts_with('T'));
     }
 
     pub(crate) fn has_ended(&mut self) -> bool {
