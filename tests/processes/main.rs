@@ -13,6 +13,7 @@ mod models;
 mod publish;
 mod real_trips;
 mod record;
+mod reload;
 mod replay;
 mod robot;
 mod running;
