@@ -54,6 +54,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Serve(arguments) => commands::serve::run(&arguments),
         Verb::Reload(arguments) => commands::reload::run(&arguments),
         Verb::Watch(arguments) => commands::watch::run(&arguments),
+        Verb::Top(arguments) => commands::top::run(&arguments),
         Verb::Record(arguments) => commands::record::run(&arguments),
         Verb::Replay(arguments) => commands::replay::run(&arguments),
     }

@@ -81,6 +81,8 @@ pub(crate) enum Verb {
     Reload(ReloadArguments),
     /// Print the kinds of a sensor as they come
     Watch(WatchArguments),
+    /// Show how all services fare: rates, latencies, losses, and who is connected
+    Top(TopArguments),
     /// Record a sensor's frames, poses, commands and kinds into a trip
     Record(RecordArguments),
     /// Push a trip through shim, shared memory and service in lockstep, and say whether anything has changed
@@ -184,6 +186,18 @@ pub(crate) struct ReloadArguments {
     /// The model to take into use [default: the file in use, read again, as SIGHUP asks for too]
     #[arg(long, value_name = "M.kinds")]
     pub(crate) model: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) domain: DomainArguments,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct TopArguments {
+    /// Print once and end, instead of every second
+    #[arg(long)]
+    pub(crate) once: bool,
+    /// Print one JSON object a line instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) domain: DomainArguments,
 }

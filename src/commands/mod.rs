@@ -8,6 +8,7 @@ pub(crate) mod record;
 pub(crate) mod reload;
 pub(crate) mod replay;
 pub(crate) mod serve;
+pub(crate) mod top;
 pub(crate) mod train;
 pub(crate) mod watch;
 

@@ -9,6 +9,7 @@ mod commands;
 mod consumer;
 mod demo;
 mod evaluate;
+mod health;
 mod models;
 mod publish;
 mod real_trips;
