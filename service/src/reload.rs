@@ -27,9 +27,12 @@ pub(crate) struct Reloads<C> {
     asked: Arc<AtomicBool>,
     /// The file of the model in use.
     path: PathBuf,
-    start: Box<dyn Fn(&Path) -> io::Result<Thread<C>>>,
+    start: Box<StartThread<C>>,
     opening: Option<Opening<C>>,
 }
+
+/// Starts a thread that opens a model.
+type StartThread<C> = dyn Fn(&Path) -> io::Result<Thread<C>>;
 
 /// A model that is being opened.
 struct Opening<C> {

@@ -33,6 +33,9 @@ const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
 const UNCOMMANDED: &str = "frames have no command, and the model compares commands beside readings; until one comes the \
                            robot is taken to stand still";
 
+/// Who is told of every health report.
+type HealthListener = dyn FnMut(&HealthReport);
+
 /// Serves one sensor with one model.
 pub struct Service<C> {
     node: Node,
@@ -51,7 +54,7 @@ pub struct Service<C> {
     health: Health,
     conditions: Conditions,
     /// Told of every health report.
-    listener: Option<Box<dyn FnMut(&HealthReport)>>,
+    listener: Option<Box<HealthListener>>,
     /// None where the model stays.
     reloads: Option<Reloads<C>>,
     shim_is_there: bool,
