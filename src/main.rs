@@ -52,7 +52,9 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Inspect(arguments) => commands::inspect::run(&arguments),
         Verb::Publish(arguments) => commands::publish::run(&arguments),
         Verb::Serve(arguments) => commands::serve::run(&arguments),
+        Verb::Reload(arguments) => commands::reload::run(&arguments),
         Verb::Watch(arguments) => commands::watch::run(&arguments),
+        Verb::Top(arguments) => commands::top::run(&arguments),
         Verb::Record(arguments) => commands::record::run(&arguments),
         Verb::Replay(arguments) => commands::replay::run(&arguments),
     }

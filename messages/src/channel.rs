@@ -20,6 +20,12 @@ pub const MAX_REPORT_READERS: usize = 16;
 /// Reports that wait for a reader; when one more comes, the oldest is gone.
 pub const REPORT_BUFFER: usize = 256;
 
+/// Most programs that read a service's health at one time.
+pub const MAX_HEALTH_READERS: usize = 8;
+
+/// What the names of all our channels begin with.
+const PREFIX: &str = "natural-kinds/";
+
 /// How long, and how often at least, opening is tried: long enough for what a killed program left to be cleaned up
 /// by somebody else, short enough that a refusal does not look like a hang.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -53,6 +59,9 @@ pub enum Waiting {
 pub(crate) enum Purpose {
     Frames,
     Kinds,
+    Health,
+    ReloadRequests,
+    ReloadAnswers,
 }
 
 /// Room on a channel. Part of what processes must agree on.
@@ -74,6 +83,9 @@ impl Limits {
         Self { readers: MAX_FRAME_READERS, buffer: FRAME_BUFFER, held: 2, history: 0, loans: 1 };
     pub(crate) const KINDS: Self =
         Self { readers: MAX_REPORT_READERS, buffer: REPORT_BUFFER, held: 2, history: 1, loans: 1 };
+    pub(crate) const HEALTH: Self =
+        Self { readers: MAX_HEALTH_READERS, buffer: 1, held: 1, history: 1, loans: 1 };
+    pub(crate) const RELOADS: Self = Self { readers: 2, buffer: 4, held: 1, history: 0, loans: 1 };
 
     /// Programs that may have a channel open: its readers, its publisher, and room for tools and programs that are
     /// just starting.
@@ -104,8 +116,17 @@ impl Channel {
         let purpose = match self.purpose {
             Purpose::Frames => "frames",
             Purpose::Kinds => "kinds",
+            Purpose::Health => "health",
+            Purpose::ReloadRequests => "reload",
+            Purpose::ReloadAnswers => "reloaded",
         };
-        format!("natural-kinds/{}/{purpose}", self.sensor)
+        format!("{PREFIX}{}/{purpose}", self.sensor)
+    }
+
+    /// The sensor that a channel of this name belongs to, if it is one of ours.
+    pub(crate) fn sensor_of(name: &str) -> Option<SensorName> {
+        let (sensor, _) = name.strip_prefix(PREFIX)?.rsplit_once('/')?;
+        sensor.parse().ok()
     }
 
     pub(crate) fn service_name(&self) -> ServiceName {
@@ -116,6 +137,8 @@ impl Channel {
         match self.purpose {
             Purpose::Frames => Limits::FRAMES,
             Purpose::Kinds => Limits::KINDS,
+            Purpose::Health => Limits::HEALTH,
+            Purpose::ReloadRequests | Purpose::ReloadAnswers => Limits::RELOADS,
         }
     }
 

@@ -58,6 +58,14 @@ pub enum ChannelError {
         /// The sensor.
         sensor: String,
     },
+    /// A second program that asks for another model.
+    #[error(
+        "another program is just giving the service for sensor {sensor} a model; try again when it is done"
+    )]
+    AlreadyReloading {
+        /// The sensor.
+        sensor: String,
+    },
     /// All places of readers are taken.
     #[error("channel {channel} already has {limit} readers, the most it has room for; stop one of them")]
     TooManyReaders {
@@ -195,7 +203,10 @@ impl Obstacle {
         let sensor = channel.sensor.to_string();
         Self::passing(match channel.purpose {
             Purpose::Frames => ChannelError::AlreadyPublished { sensor },
-            Purpose::Kinds => ChannelError::AlreadyServed { sensor },
+            Purpose::ReloadRequests => ChannelError::AlreadyReloading { sensor },
+            Purpose::Kinds | Purpose::Health | Purpose::ReloadAnswers => {
+                ChannelError::AlreadyServed { sensor }
+            }
         })
     }
 

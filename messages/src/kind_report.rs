@@ -24,6 +24,14 @@ impl ReportStatus {
             Self::Invalid => "invalid",
         }
     }
+
+    /// What a number in a message means. One that this version does not know counts as invalid.
+    pub(crate) fn of(status: u32) -> Self {
+        match status {
+            KindReport::CLASSIFIED => Self::Classified,
+            _ => Self::Invalid,
+        }
+    }
 }
 
 /// Kind probabilities of one frame, with all that is needed to tell which frame, by which model and how fast.
@@ -101,10 +109,7 @@ impl KindReport {
 
     /// What became of the frame. A status that this version does not know counts as invalid.
     pub fn status(&self) -> ReportStatus {
-        match self.status {
-            Self::CLASSIFIED => ReportStatus::Classified,
-            _ => ReportStatus::Invalid,
-        }
+        ReportStatus::of(self.status)
     }
 
     /// Probability of each kind, `(n_kinds,)`.

@@ -1,12 +1,15 @@
 //! What processes agree on in shared memory: frames, kind reports and their channels.
 //!
-//! Two channels belong to every sensor. The driver shim publishes frames on the first; the service reads them where
+//! Two channels make up every sensor's way. The driver shim publishes frames on the first; the service reads them where
 //! they lie and publishes a kind report for each on the second, for as many consumers as [`MAX_REPORT_READERS`]:
 //!
 //! ```text
 //! FramePublisher ─ natural-kinds/SENSOR/frames ─▶ FrameReader    (service, recorder)
 //! ReportPublisher ─ natural-kinds/SENSOR/kinds ─▶ ReportReader   (consumers)
 //! ```
+//!
+//! Beside them, the service says on a third channel once a second how it fares ([`HealthReport`]), and is given other models
+//! through two more ([`ReloadAsker`]).
 //!
 //! Either end may come first, leave, be killed and come back. Each channel has one publisher at a time; publishing never
 //! waits for a reader: one that is slow loses its oldest messages first, and can tell how many by their sequence.
@@ -38,28 +41,41 @@ mod channel;
 mod clock;
 mod domain;
 mod error;
+mod fixed;
 mod frame_header;
 mod frames;
+mod health;
+mod health_report;
 mod kind_report;
 mod memory;
 mod name;
 mod node;
 mod own_domain;
+mod presence;
+mod reload_messages;
+mod reloads;
 mod reports;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
 mod tests;
 
-pub use channel::{FRAME_BUFFER, MAX_FRAME_READERS, MAX_REPORT_READERS, REPORT_BUFFER, Waiting, WakeUp};
+pub use channel::{
+    FRAME_BUFFER, MAX_FRAME_READERS, MAX_HEALTH_READERS, MAX_REPORT_READERS, REPORT_BUFFER, Waiting, WakeUp,
+};
 pub use clock::{monotonic_ns, ns_since_epoch};
 pub use domain::{Domain, DomainError};
 pub use error::ChannelError;
 pub use frame_header::{Command, FrameHeader, Pose};
 pub use frames::{Frame, FrameLoan, FramePublisher, FrameReader};
+pub use health::{HealthPublisher, HealthReader};
+pub use health_report::{HealthReport, Latency, StageLatencies};
 pub use kind_report::{KindReport, MAX_DIMS, MAX_KINDS, ReportStatus};
 pub use memory::{frames_memory_bytes, reports_memory_bytes};
 pub use name::{SensorName, SensorNameError};
 pub use node::Node;
 pub use own_domain::OwnDomain;
+pub use presence::{ProgramPresence, SensorPresence};
+pub use reload_messages::{ReloadAnswer, ReloadRequest};
+pub use reloads::{ReloadAsker, ReloadDesk};
 pub use reports::{ReportPublisher, ReportReader, ServiceId};

@@ -33,6 +33,11 @@ pub fn reports_memory_bytes() -> u64 {
     channel_bytes(Limits::KINDS, size_of::<KindReport>())
 }
 
+/// Most shared memory that any of the channels beside them may come to use.
+pub(crate) fn fixed_memory_bytes<T>(limits: Limits) -> u64 {
+    channel_bytes(limits, size_of::<T>())
+}
+
 fn channel_bytes(limits: Limits, message_bytes: usize) -> u64 {
     let slot_bytes = size_of::<Header>() + message_bytes + SLOT_ROUNDING_BYTES;
     (limits.slots() * slot_bytes) as u64 + HOUSEKEEPING_BYTES

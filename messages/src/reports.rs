@@ -22,6 +22,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use crate::channel::{Channel, Purpose, Waiting, WakeUp, notify, patiently, wait};
 use crate::error::Obstacle;
+use crate::fixed::open;
 use crate::memory::{check_free, reports_memory_bytes};
 use crate::{ChannelError, KindReport, Node, SensorName, monotonic_ns};
 
@@ -53,7 +54,7 @@ impl ReportPublisher {
     }
 
     fn try_create(node: &Node, channel: &Channel) -> Result<Self, Obstacle> {
-        let reports = open_reports(node, channel)?;
+        let reports = open::<KindReport>(node, channel)?;
         // The transport would refuse as well, but only after making its slots.
         if reports.dynamic_config().number_of_publishers() > 0 {
             return Err(Obstacle::occupied(channel));
@@ -68,11 +69,11 @@ impl ReportPublisher {
         Ok(Self { notifier, next, publisher, reports, channel: channel.clone(), readers: Cell::default() })
     }
 
-    /// Sends a report, with the time of sending, and wakes the readers. Never waits for one.
+    /// Sends a report, with the time of sending, which it returns, and wakes the readers. Never waits for one.
     ///
     /// Allocates nothing before the report is sent. Then the transport takes 48 bytes for the loan of the next one, as many
     /// as it has freed.
-    pub fn send(&self, report: &KindReport) -> Result<(), ChannelError> {
+    pub fn send(&self, report: &KindReport) -> Result<u64, ChannelError> {
         // None where lending failed the last time.
         let slot = match self.next.take() {
             Some(slot) => slot,
@@ -88,7 +89,7 @@ impl ReportPublisher {
             .map_err(|error| ChannelError::transport("send a report on", &self.channel, error))?;
         let notified = notify(&self.notifier, &self.channel);
         self.next.replace(self.publisher.loan_uninit().ok());
-        notified
+        notified.map(|()| sent.reported_monotonic_ns)
     }
 
     /// Gives readers that came since the last report that report, and wakes them. Call it once per tick, for when none
@@ -153,7 +154,7 @@ impl ReportReader {
     }
 
     fn try_open(node: &Node, channel: &Channel, waiting: Waiting) -> Result<Self, Obstacle> {
-        let reports = open_reports(node, channel)?;
+        let reports = open::<KindReport>(node, channel)?;
         // First the listener: whatever the subscriber gets, an event tells of it.
         let listener = channel.listener(node, waiting)?;
         let subscriber =
@@ -202,19 +203,3 @@ impl ReportReader {
 /// Identity of a service while it lives, to notice that it is another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServiceId(UniquePublisherId);
-
-fn open_reports(node: &Node, channel: &Channel) -> Result<Reports, Obstacle> {
-    let limits = channel.limits();
-    node.inner
-        .service_builder(&channel.service_name())
-        .publish_subscribe::<KindReport>()
-        .max_publishers(1)
-        .max_subscribers(limits.readers)
-        .max_nodes(limits.programs())
-        .subscriber_max_buffer_size(limits.buffer)
-        .subscriber_max_borrowed_samples(limits.held)
-        .history_size(limits.history)
-        .enable_safe_overflow(true)
-        .open_or_create()
-        .map_err(|error| Obstacle::messages(error, channel))
-}

@@ -98,7 +98,9 @@ fn full_buffer_loses_the_oldest_first() {
     let reports = ReportReader::open(&node, &ring()).unwrap();
     let publisher = ReportPublisher::create(&node, &ring()).unwrap();
     let n_reports = REPORT_BUFFER as u64 + 5;
-    (0..n_reports).for_each(|sequence| publisher.send(&report(sequence)).unwrap());
+    for sequence in 0..n_reports {
+        publisher.send(&report(sequence)).unwrap();
+    }
     assert_eq!(reported(&reports), (5..n_reports).collect::<Vec<_>>());
 }
 
@@ -107,7 +109,9 @@ fn late_joiner_gets_the_last_report_at_the_next_tick_and_is_woken() {
     let domain = OwnDomain::make().unwrap();
     let node = open(&domain);
     let publisher = ReportPublisher::create(&node, &ring()).unwrap();
-    (0..3).for_each(|sequence| publisher.send(&report(sequence)).unwrap());
+    for sequence in 0..3 {
+        publisher.send(&report(sequence)).unwrap();
+    }
     let reader = ReportReader::open(&node, &ring()).unwrap();
     publisher.update().unwrap();
     assert_eq!(reader.wait(DEADLINE).unwrap(), WakeUp::Event);

@@ -54,12 +54,17 @@ impl Refusal {
         if u64::from(rows) * u64::from(columns) != n_readings as u64 {
             return Some(Self::Contradiction { n_readings, rows, columns });
         }
-        // Written so that a unit that is not a number is another one.
-        let same_unit =
-            (metres_per_count - model.metres_per_count).abs() <= UNIT_TOLERANCE * model.metres_per_count;
-        let same = rows == model.rows && columns == model.columns && same_unit;
-        (!same).then_some(Self::OtherSensor { frames, model })
+        (!is_same_sensor(frames, model)).then_some(Self::OtherSensor { frames, model })
     }
+}
+
+/// Whether frames of a sensor are for a model of the other.
+pub(crate) fn is_same_sensor(frames: SensorLayout, model: SensorLayout) -> bool {
+    let SensorLayout { rows, columns, metres_per_count } = frames;
+    // Written so that a unit that is not a number is another one.
+    let same_unit =
+        (metres_per_count - model.metres_per_count).abs() <= UNIT_TOLERANCE * model.metres_per_count;
+    rows == model.rows && columns == model.columns && same_unit
 }
 
 /// What has been refused last, so that it is said once.

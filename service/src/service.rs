@@ -1,16 +1,21 @@
 //! The loop that serves one sensor.
 
+use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use kinds_messages::{
-    ChannelError, FRAME_BUFFER, Frame, FrameHeader, FrameReader, KindReport, MAX_DIMS, MAX_KINDS, Node,
-    ReportPublisher, SensorName, Waiting, monotonic_ns,
+    ChannelError, FRAME_BUFFER, Frame, FrameHeader, FrameReader, HealthPublisher, HealthReport, KindReport,
+    MAX_DIMS, MAX_KINDS, Node, ReloadDesk, ReportPublisher, SensorName, Waiting, monotonic_ns,
 };
 use kinds_model::{Classification, Command, N_DIMS_MAX, N_KINDS_MAX, SensorLayout, Status};
 
 use crate::Classify;
+use crate::conditions::Conditions;
+use crate::health::Health;
 use crate::refusal::{Refusal, Refusals};
+use crate::reload::{OpenModel, Opened, Reloads};
 use crate::sequence::{Place, Sequence};
 
 // Whatever a model says fits in a report.
@@ -28,13 +33,16 @@ const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
 const UNCOMMANDED: &str = "frames have no command, and the model compares commands beside readings; until one comes the \
                            robot is taken to stand still";
 
+/// Who is told of every health report.
+type HealthListener = dyn FnMut(&HealthReport);
+
 /// Serves one sensor with one model.
-#[derive(Debug)]
 pub struct Service<C> {
     node: Node,
     sensor: SensorName,
     frames: FrameReader,
     reports: ReportPublisher,
+    health_reports: HealthPublisher,
     classifier: C,
     layout: SensorLayout,
     waiting: Waiting,
@@ -43,7 +51,14 @@ pub struct Service<C> {
     /// Filled anew for every frame.
     report: KindReport,
     summary: Summary,
+    health: Health,
+    conditions: Conditions,
+    /// Told of every health report.
+    listener: Option<Box<HealthListener>>,
+    /// None where the model stays.
+    reloads: Option<Reloads<C>>,
     shim_is_there: bool,
+    last_clean_up: Instant,
     /// The last run of which it was said that its frames have no command.
     uncommanded_run: Option<u64>,
 }
@@ -85,14 +100,16 @@ impl<C: Classify> Service<C> {
     ) -> Result<Self, ChannelError> {
         let frames = FrameReader::open_with(node, sensor, waiting)?;
         let reports = ReportPublisher::create(node, sensor)?;
+        let health_reports = HealthPublisher::create(node, sensor)?;
         let shim_is_there = frames.is_published();
         let mut report = KindReport::default();
         report.model_id = classifier.model_id().0;
-        Ok(Self {
+        let mut service = Self {
             node: node.clone(),
             sensor: sensor.clone(),
             frames,
             reports,
+            health_reports,
             layout: classifier.layout(),
             classifier,
             waiting,
@@ -100,9 +117,22 @@ impl<C: Classify> Service<C> {
             refusals: Refusals::default(),
             report,
             summary: Summary::default(),
+            health: Health::new(),
+            conditions: Conditions::new(sensor),
+            listener: None,
+            reloads: None,
             shim_is_there,
+            last_clean_up: Instant::now(),
             uncommanded_run: None,
-        })
+        };
+        // For who looks before the first second is over.
+        service.tell_health()?;
+        Ok(service)
+    }
+
+    /// Tells a function of every health report, as it goes out on the channel: in the loop, so it must not wait.
+    pub fn listen_to_health(&mut self, listener: impl FnMut(&HealthReport) + 'static) {
+        self.listener = Some(Box::new(listener));
     }
 
     /// Serves until `stop` is set, then serves the frames that wait already, and ends.
@@ -112,8 +142,7 @@ impl<C: Classify> Service<C> {
         if !self.shim_is_there {
             tracing::info!(sensor = %self.sensor, "waiting for a driver shim to publish this sensor");
         }
-        let mut last_clean_up = Instant::now();
-        let mut last_tick = last_clean_up;
+        let mut last_tick = Instant::now();
         let mut n_turns = 0_u32;
         loop {
             // Read before serving: frames that were sent before the flag was set are served.
@@ -126,12 +155,7 @@ impl<C: Classify> Service<C> {
             let looks = self.waiting == Waiting::ByEvent || n_turns.is_multiple_of(POLLS_PER_LOOK);
             if looks && last_tick.elapsed() >= TICK {
                 last_tick = Instant::now();
-                if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
-                    self.node.clean_up_dead_nodes();
-                    last_clean_up = Instant::now();
-                }
-                self.reports.update()?;
-                self.look_for_shim();
+                self.tick()?;
             }
             match self.waiting {
                 Waiting::Polling => std::hint::spin_loop(),
@@ -141,6 +165,31 @@ impl<C: Classify> Service<C> {
                 Waiting::ByEvent => {}
             }
         }
+    }
+
+    /// All that is not for a frame.
+    fn tick(&mut self) -> Result<(), ChannelError> {
+        if self.last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
+            self.health.count_lost_peers(self.node.clean_up_dead_nodes());
+            self.last_clean_up = Instant::now();
+        }
+        self.reports.update()?;
+        self.health_reports.update()?;
+        self.look_for_shim();
+        self.look_for_model();
+        if self.health.is_due() {
+            self.conditions.tell(&self.summary);
+            self.tell_health()?;
+        }
+        Ok(())
+    }
+
+    fn tell_health(&mut self) -> Result<(), ChannelError> {
+        let health = self.health.end_interval(&self.summary, self.report.model_id, self.shim_is_there);
+        if let Some(listener) = &mut self.listener {
+            listener(health);
+        }
+        self.health_reports.send(health)
     }
 
     /// Serves the frames that wait, but at most a buffer full, so that a fast driver shim cannot keep us from the rest
@@ -187,7 +236,24 @@ impl<C: Classify> Service<C> {
         report.sent_monotonic_ns = header.sent_monotonic_ns;
         report.received_monotonic_ns = received_monotonic_ns;
         fill(report, classification);
-        self.reports.send(report)
+        report.reported_monotonic_ns = self.reports.send(report)?;
+        self.health.count(report);
+        Ok(())
+    }
+
+    /// Takes a model into use that was asked for and is ready.
+    fn look_for_model(&mut self) {
+        let Some(reloads) = &mut self.reloads else { return };
+        let Some(Opened { request, path, result }) = reloads.look(&self.sensor) else { return };
+        self.health.count_reload(result.is_ok());
+        let exchanged = result.map(|(classifier, replaced)| {
+            let before = std::mem::replace(&mut self.classifier, classifier);
+            let ids = [before.model_id(), self.classifier.model_id()];
+            replaced.take(before);
+            self.report.model_id = ids[1].0;
+            ids.map(|id| id.to_string())
+        });
+        reloads.answer(&self.sensor, request, path, exchanged);
     }
 
     fn look_for_shim(&mut self) {
@@ -201,6 +267,27 @@ impl<C: Classify> Service<C> {
                 tracing::info!(%sensor, "the driver shim is gone; waiting for another to publish this sensor");
             }
         }
+    }
+}
+
+impl<C: Classify + Send + 'static> Service<C> {
+    /// Lets the model be changed while frames are served: by whoever asks through the sensor's reload channel
+    /// ([`ReloadAsker`](kinds_messages::ReloadAsker)), and by a flag.
+    ///
+    /// A model that cannot be opened, or is for another sensor, is refused in words, and the one in use stays.
+    ///
+    /// * `path` — the file of the model in use
+    /// * `open` — opens another and makes it ready
+    /// * `asked` — set it to ask for the file of the model in use to be read again
+    pub fn accept_reloads(
+        &mut self,
+        path: &Path,
+        open: Arc<OpenModel<C>>,
+        asked: Arc<AtomicBool>,
+    ) -> Result<(), ChannelError> {
+        let desk = ReloadDesk::open(&self.node, &self.sensor)?;
+        self.reloads = Some(Reloads::new(desk, path, self.layout, open, asked));
+        Ok(())
     }
 }
 

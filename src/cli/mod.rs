@@ -3,6 +3,7 @@
 mod evaluate;
 mod train;
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -76,8 +77,12 @@ pub(crate) enum Verb {
     Publish(PublishArguments),
     /// Classify every frame of a sensor and publish its kind
     Serve(ServeArguments),
+    /// Give a running service another model, without a gap: the old one serves until the new one is ready
+    Reload(ReloadArguments),
     /// Print the kinds of a sensor as they come
     Watch(WatchArguments),
+    /// Show how all services fare: rates, latencies, losses, and who is connected
+    Top(TopArguments),
     /// Record a sensor's frames, poses, commands and kinds into a trip
     Record(RecordArguments),
     /// Push a trip through shim, shared memory and service in lockstep, and say whether anything has changed
@@ -171,8 +176,35 @@ pub(crate) struct ServeArguments {
     /// for long may be paged out, and the next frame waits for it
     #[arg(long)]
     pub(crate) lock_memory: bool,
+    /// Serve counters and latencies to Prometheus at http://ADDR/metrics, such as 127.0.0.1:9184
+    #[arg(long, value_name = "ADDR")]
+    pub(crate) metrics: Option<SocketAddr>,
     #[command(flatten)]
     pub(crate) domain: OwnableDomainArguments,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ReloadArguments {
+    /// Sensor whose service is meant, such as crunch/ring
+    #[arg(long, value_name = "NAME")]
+    pub(crate) sensor: SensorName,
+    /// The model to take into use [default: the file in use, read again, as SIGHUP asks for too]
+    #[arg(long, value_name = "M.kinds")]
+    pub(crate) model: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) domain: DomainArguments,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct TopArguments {
+    /// Print once and end, instead of every second
+    #[arg(long)]
+    pub(crate) once: bool,
+    /// Print one JSON object a line instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) domain: DomainArguments,
 }
 
 #[derive(Args, Debug)]

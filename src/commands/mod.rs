@@ -5,8 +5,10 @@ pub(crate) mod evaluate;
 pub(crate) mod inspect;
 pub(crate) mod publish;
 pub(crate) mod record;
+pub(crate) mod reload;
 pub(crate) mod replay;
 pub(crate) mod serve;
+pub(crate) mod top;
 pub(crate) mod train;
 pub(crate) mod watch;
 

@@ -43,6 +43,17 @@ impl Consumer {
         self.reader.receive().unwrap()
     }
 
+    /// Takes reports until a condition holds, and returns how many came in all.
+    pub(crate) fn await_that(&mut self, mut condition: impl FnMut() -> bool) -> usize {
+        let start = Instant::now();
+        while !condition() {
+            self.take();
+            assert!(start.elapsed() < DEADLINE, "what was waited for has not come");
+            self.reader.wait(Duration::from_millis(20)).unwrap();
+        }
+        self.take()
+    }
+
     /// Takes reports until the shim has ended, and returns all that came. A shim ends when its frames are reported.
     pub(crate) fn await_end_of(mut self, shim: &mut Running) -> Vec<KindReport> {
         let start = Instant::now();

@@ -1,5 +1,6 @@
 //! Made-up trips: a ring of ranges in a world that changes smoothly along a loop, which is driven twice.
 
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
@@ -171,19 +172,25 @@ pub(crate) fn open_model(path: &Path) -> Model {
 /// Asserts that there is one report for every frame of a trip, in order, and that each says bit for bit what the model
 /// says of the frame in this process.
 pub(crate) fn assert_reports_equal_classifying_here(reports: &[KindReport], model: &Path, trip: &Path) {
-    let model = Arc::new(open_model(model));
+    assert_eq!(reports.len(), read_trip(trip).len());
+    assert_reports_equal_classifying_by(&[open_model(model)], reports, trip);
+}
+
+/// The same for the reports on a trip's first frames, each by one of several models: the one that it names.
+pub(crate) fn assert_reports_equal_classifying_by(models: &[Model], reports: &[KindReport], trip: &Path) {
     let frames = read_trip(trip);
     let sequences: Vec<u64> = reports.iter().map(|report| report.sequence).collect();
-    assert_eq!(sequences, (0..frames.len() as u64).collect::<Vec<_>>());
-    let mut classifier = Classifier::new(Arc::clone(&model));
+    assert_eq!(sequences, (0..reports.len() as u64).collect::<Vec<_>>());
+    let models = models.iter().map(|model| (model.id().0, Classifier::new(Arc::new(model.clone()))));
+    let mut classifiers = BTreeMap::from_iter(models);
     for (report, (frame, counts)) in reports.iter().zip(&frames) {
+        let classifier = classifiers.get_mut(&report.model_id).expect("no report names another model");
         let command = frame.command.map(|command| kinds_model::Command {
             forward_m_s: command.forward_m_s,
             turn_rad_s: command.turn_rad_s,
         });
         assert_equal_bits(report, classifier.classify_commanded(counts, command));
         assert_eq!(report.captured_ns, frame.captured.0);
-        assert_eq!(report.model_id, model.id().0);
         assert_eq!((report.run, report.n_lost), (reports[0].run, 0));
         let times = [report.sent_monotonic_ns, report.received_monotonic_ns, report.reported_monotonic_ns];
         assert!(times.is_sorted(), "{times:?}");
