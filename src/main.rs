@@ -57,6 +57,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Top(arguments) => commands::top::run(&arguments),
         Verb::Record(arguments) => commands::record::run(&arguments),
         Verb::Replay(arguments) => commands::replay::run(&arguments),
+        Verb::Doctor(arguments) => commands::doctor::run(&arguments),
     }
 }
 

@@ -19,7 +19,6 @@ pub const FRAME_BUFFER: usize = 16;
 pub const MAX_REPORT_READERS: usize = 16;
 /// Reports that wait for a reader; when one more comes, the oldest is gone.
 pub const REPORT_BUFFER: usize = 256;
-
 /// Most programs that read a service's health at one time.
 pub const MAX_HEALTH_READERS: usize = 8;
 
@@ -55,13 +54,60 @@ pub enum Waiting {
 }
 
 /// What a channel carries.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Purpose {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Purpose {
+    /// Frames, from a driver shim.
     Frames,
+    /// A report on each frame, from a service.
     Kinds,
+    /// How a service fares.
     Health,
+    /// Requests that a service take another model.
     ReloadRequests,
+    /// What a service says to them.
     ReloadAnswers,
+}
+
+impl Purpose {
+    const ALL: [Self; 5] =
+        [Self::Frames, Self::Kinds, Self::Health, Self::ReloadRequests, Self::ReloadAnswers];
+
+    /// The end of the name of a channel that carries this.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Frames => "frames",
+            Self::Kinds => "kinds",
+            Self::Health => "health",
+            Self::ReloadRequests => "reload",
+            Self::ReloadAnswers => "reloaded",
+        }
+    }
+
+    /// Most programs that read such a channel at one time.
+    pub fn max_readers(self) -> usize {
+        self.limits().readers
+    }
+
+    pub(crate) fn limits(self) -> Limits {
+        match self {
+            Self::Frames => Limits::FRAMES,
+            Self::Kinds => Limits::KINDS,
+            Self::Health => Limits::HEALTH,
+            Self::ReloadRequests | Self::ReloadAnswers => Limits::RELOADS,
+        }
+    }
+
+    /// The name of a sensor's channel.
+    pub(crate) fn of(self, sensor: &SensorName) -> String {
+        format!("{PREFIX}{sensor}/{}", self.name())
+    }
+
+    /// Which channel of which sensor has this name, if it is one of ours.
+    pub(crate) fn parse(name: &str) -> Option<(SensorName, Self)> {
+        let (sensor, end) = name.strip_prefix(PREFIX)?.rsplit_once('/')?;
+        let purpose = Self::ALL.into_iter().find(|purpose| purpose.name() == end)?;
+        Some((sensor.parse().ok()?, purpose))
+    }
 }
 
 /// Room on a channel. Part of what processes must agree on.
@@ -113,20 +159,7 @@ impl Channel {
     }
 
     pub(crate) fn name(&self) -> String {
-        let purpose = match self.purpose {
-            Purpose::Frames => "frames",
-            Purpose::Kinds => "kinds",
-            Purpose::Health => "health",
-            Purpose::ReloadRequests => "reload",
-            Purpose::ReloadAnswers => "reloaded",
-        };
-        format!("{PREFIX}{}/{purpose}", self.sensor)
-    }
-
-    /// The sensor that a channel of this name belongs to, if it is one of ours.
-    pub(crate) fn sensor_of(name: &str) -> Option<SensorName> {
-        let (sensor, _) = name.strip_prefix(PREFIX)?.rsplit_once('/')?;
-        sensor.parse().ok()
+        self.purpose.of(&self.sensor)
     }
 
     pub(crate) fn service_name(&self) -> ServiceName {
@@ -134,12 +167,7 @@ impl Channel {
     }
 
     pub(crate) fn limits(&self) -> Limits {
-        match self.purpose {
-            Purpose::Frames => Limits::FRAMES,
-            Purpose::Kinds => Limits::KINDS,
-            Purpose::Health => Limits::HEALTH,
-            Purpose::ReloadRequests | Purpose::ReloadAnswers => Limits::RELOADS,
-        }
+        self.purpose.limits()
     }
 
     /// Opens the publisher's end of the channel's events, and wakes the readers: they connect when they look.

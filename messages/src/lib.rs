@@ -37,6 +37,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod census;
 mod channel;
 mod clock;
 mod domain;
@@ -51,7 +52,6 @@ mod memory;
 mod name;
 mod node;
 mod own_domain;
-mod presence;
 mod reload_messages;
 mod reloads;
 mod reports;
@@ -60,8 +60,10 @@ mod testing;
 #[cfg(test)]
 mod tests;
 
+pub use census::{Census, Difference, FoundChannel, Life, Program, Publisher};
 pub use channel::{
-    FRAME_BUFFER, MAX_FRAME_READERS, MAX_HEALTH_READERS, MAX_REPORT_READERS, REPORT_BUFFER, Waiting, WakeUp,
+    FRAME_BUFFER, MAX_FRAME_READERS, MAX_HEALTH_READERS, MAX_REPORT_READERS, Purpose, REPORT_BUFFER, Waiting,
+    WakeUp,
 };
 pub use clock::{monotonic_ns, ns_since_epoch};
 pub use domain::{Domain, DomainError};
@@ -71,11 +73,12 @@ pub use frames::{Frame, FrameLoan, FramePublisher, FrameReader};
 pub use health::{HealthPublisher, HealthReader};
 pub use health_report::{HealthReport, Latency, StageLatencies};
 pub use kind_report::{KindReport, MAX_DIMS, MAX_KINDS, ReportStatus};
-pub use memory::{frames_memory_bytes, reports_memory_bytes};
+pub use memory::{
+    SHARED_MEMORY, frames_memory_bytes, free_memory_bytes, reports_memory_bytes, service_memory_bytes,
+};
 pub use name::{SensorName, SensorNameError};
 pub use node::Node;
 pub use own_domain::OwnDomain;
-pub use presence::{ProgramPresence, SensorPresence};
 pub use reload_messages::{ReloadAnswer, ReloadRequest};
 pub use reloads::{ReloadAsker, ReloadDesk};
 pub use reports::{ReportPublisher, ReportReader, ServiceId};

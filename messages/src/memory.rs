@@ -10,10 +10,10 @@ use std::path::Path;
 use iceoryx2::service::header::publish_subscribe::Header;
 
 use crate::channel::{Channel, Limits};
-use crate::{ChannelError, FrameHeader, KindReport};
+use crate::{ChannelError, FrameHeader, HealthReport, KindReport, ReloadAnswer};
 
 /// Where Linux mounts POSIX shared memory.
-pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
+pub const SHARED_MEMORY: &str = "/dev/shm";
 /// Lists of slots and connections to readers, for a channel with all its readers.
 const HOUSEKEEPING_BYTES: u64 = 512 * 1024;
 /// Rounding of a slot to its alignment.
@@ -33,6 +33,13 @@ pub fn reports_memory_bytes() -> u64 {
     channel_bytes(Limits::KINDS, size_of::<KindReport>())
 }
 
+/// Most shared memory that all channels of a service may come to use: 5.7 MB.
+pub fn service_memory_bytes() -> u64 {
+    reports_memory_bytes()
+        + fixed_memory_bytes::<HealthReport>(Limits::HEALTH)
+        + fixed_memory_bytes::<ReloadAnswer>(Limits::RELOADS)
+}
+
 /// Most shared memory that any of the channels beside them may come to use.
 pub(crate) fn fixed_memory_bytes<T>(limits: Limits) -> u64 {
     channel_bytes(limits, size_of::<T>())
@@ -45,10 +52,18 @@ fn channel_bytes(limits: Limits, message_bytes: usize) -> u64 {
 
 /// Refuses a channel for which there is not enough shared memory left.
 pub(crate) fn check_free(channel: &Channel, needed_bytes: u64) -> Result<(), ChannelError> {
+    enough(channel, needed_bytes, free_memory_bytes()?)
+}
+
+/// Shared memory that is left.
+///
+/// # Errors
+/// If the system does not tell.
+pub fn free_memory_bytes() -> Result<u64, ChannelError> {
     let path = Path::new(SHARED_MEMORY);
     let space = rustix::fs::statvfs(path)
         .map_err(|error| ChannelError::SharedMemoryUnknown { path: path.into(), source: error.into() })?;
-    enough(channel, needed_bytes, space.f_bavail.saturating_mul(space.f_frsize))
+    Ok(space.f_bavail.saturating_mul(space.f_frsize))
 }
 
 fn enough(channel: &Channel, needed_bytes: u64, free_bytes: u64) -> Result<(), ChannelError> {
@@ -75,6 +90,7 @@ mod tests {
         assert_eq!(frames_memory_bytes(16), 562_568);
         assert_eq!(frames_memory_bytes(19840), 6_311_528);
         assert_eq!(reports_memory_bytes(), 4_621_248);
+        assert_eq!(service_memory_bytes(), 5_727_464);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::rc::Rc;
 
+use iceoryx2::config::Config;
 use iceoryx2::prelude::{LogLevel, NodeBuilder, NodeName, SignalHandlingMode, ipc, set_log_level};
 use tracing::level_filters::LevelFilter;
 
@@ -22,7 +23,21 @@ impl Node {
     ///
     /// Signals are left to the caller: a wait that one interrupts says so.
     pub fn open(domain: &Domain, process_name: &str) -> Result<Self, ChannelError> {
-        let config = domain.config()?;
+        let node = Self::join(domain, &domain.config()?, process_name)?;
+        node.clean_up_dead_nodes();
+        Ok(node)
+    }
+
+    /// Joins a domain to look around in it: what killed programs left behind stays as it is.
+    pub fn visit(domain: &Domain, process_name: &str) -> Result<Self, ChannelError> {
+        let mut config = domain.config()?;
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        config.global.service.cleanup_dead_nodes_on_open = false;
+        Self::join(domain, &config, process_name)
+    }
+
+    fn join(domain: &Domain, config: &Config, process_name: &str) -> Result<Self, ChannelError> {
         let name = NodeName::new(process_name).map_err(|_| ChannelError::ProcessName {
             name: process_name.to_owned(),
             limit: NodeName::max_len(),
@@ -30,13 +45,11 @@ impl Node {
         set_log_level(log_level());
         let inner = NodeBuilder::new()
             .name(&name)
-            .config(&config)
+            .config(config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
             .map_err(|error| ChannelError::node(error, domain))?;
-        let node = Self { inner: Rc::new(inner), root: domain.root.clone() };
-        node.clean_up_dead_nodes();
-        Ok(node)
+        Ok(Self { inner: Rc::new(inner), root: domain.root.clone() })
     }
 
     /// Removes what killed programs left behind in this domain, and returns how many there were.

@@ -7,6 +7,7 @@ use crate::command::{Command, with_metric};
 use crate::mixture::most_probable;
 use crate::model::Model;
 use crate::out_of_sample::Placer;
+use crate::stress::Stress;
 
 /// Whether a frame could be classified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,8 +33,9 @@ pub struct Classification {
     pub coordinates: Vec<f64>,
     /// `ln p(e)`, nats. Not a number for an invalid frame.
     pub log_likelihood: f64,
-    /// How far the frame is from all that was seen in training, 0…1: the share of the reference frames whose ns-th
-    /// neighbour is nearer to them than the nearest reference frame is to this one. 1 for an invalid frame.
+    /// How unlike all that was seen in training the frame is, 0…1: the share of trained frames that are less so, held out of
+    /// the model one by one. Of frames like those, a share r has a novelty of at least 1 − r: see [`crate::novelty`]. 1 for an
+    /// invalid frame.
     pub novelty: f64,
 }
 
@@ -46,6 +48,7 @@ pub struct Classifier {
     /// The frame on the response's scale and its command, shape `(n_columns,)`.
     mapped: Vec<u16>,
     placer: Placer,
+    stress: Stress,
     classification: Classification,
 }
 
@@ -55,6 +58,7 @@ impl Classifier {
         Self {
             mapped: vec![0; model.frames().n_columns()],
             placer: Placer::new(model.manifold(), model.manifest().n_neighbors),
+            stress: model.usual().stress(),
             classification: Classification {
                 status: Status::Invalid,
                 kind: 0,
@@ -130,15 +134,17 @@ impl Classifier {
 
     /// Finds coordinates, probabilities and novelty.
     fn locate(&mut self) {
-        let Self { model, mapped, placer, classification } = self;
+        let Self { model, mapped, placer, stress, classification } = self;
         classification.status = Status::Classified;
         let nearest = with_metric!(model.metric(), model.commands(), |metric| {
             placer.place(metric, model.manifold(), mapped, &mut classification.coordinates)
         });
-        classification.log_likelihood =
-            model.mixture().posterior(&classification.coordinates, &mut classification.probabilities);
-        let radii = model.squared_radii();
-        let n_within = radii.partition_point(|radius| *radius < nearest.squared_distance);
-        classification.novelty = n_within as f64 / radii.len() as f64;
+        let density = model.mixture().density(&classification.coordinates, &mut classification.probabilities);
+        classification.log_likelihood = density.log_likelihood;
+        classification.novelty = model.novelty().of(&[
+            density.squared_mahalanobis,
+            nearest.squared_distance as f64,
+            stress.of(placer.lengths(), &classification.coordinates),
+        ]);
     }
 }

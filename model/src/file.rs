@@ -21,12 +21,13 @@ use crate::mds::Embedding;
 use crate::metric::MetricError;
 use crate::mixture::{Mixture, MixtureError};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX};
+use crate::novelty::{N_MEASURES, Novelty};
 use crate::plan::Method;
 use crate::reference::ReferenceSet;
 use crate::response::{Response, TABLE_LEN};
 
 /// Version of the format that this crate writes and reads.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 
 const MANIFEST: &str = "manifest";
 const DIGEST: &str = "digest";
@@ -195,8 +196,8 @@ fn arrays(model: &Model) -> Vec<NamedArray<'_>> {
     ) -> NamedArray<'a> {
         NamedArray { name, dtype, shape: shape.to_vec(), bytes: bytemuck::cast_slice(numbers) }
     }
-    let Manifest { plan, n_trained, n_frames, n_dims, n_kinds, .. } = &model.manifest;
-    let (n_trained, n_frames) = (*n_trained, *n_frames);
+    let Manifest { plan, n_trained, n_frames, n_dims, n_kinds, novelty, .. } = &model.manifest;
+    let (n_trained, n_frames, n_held_out) = (*n_trained, *n_frames, novelty.n_held_out);
     let (n_dims, n_kinds, n_landmarks) = (*n_dims, *n_kinds, plan.n_landmarks);
     let mut arrays = vec![
         array("frames", Dtype::U16, &[n_frames, model.frames.n_columns()], model.frames.counts()),
@@ -208,6 +209,7 @@ fn arrays(model: &Model) -> Vec<NamedArray<'_>> {
         array("means", Dtype::F64, &[n_kinds, n_dims], model.mixture.means()),
         array("covariances", Dtype::F64, &[n_kinds, n_dims, n_dims], model.mixture.covariances()),
         array("squared_radii", Dtype::U64, &[n_frames], &model.squared_radii),
+        array("held_out", Dtype::F64, &[n_held_out, N_MEASURES], model.novelty.measures()),
     ];
     if let Some(embedding) = &model.embedding {
         let (projection, means) = (embedding.projection(), embedding.mean_squared_geodesics());
@@ -248,11 +250,12 @@ impl File<'_> {
     }
 
     fn assemble(&self, manifest: Manifest, text: &str) -> Result<Model, ModelFileError> {
-        let Manifest { ref plan, n_trained, n_frames, n_neighbors, n_dims, n_kinds, .. } = manifest;
+        let Manifest { ref plan, n_trained, n_frames, n_neighbors, n_dims, n_kinds, novelty, .. } = manifest;
+        let n_held_out = novelty.n_held_out;
         let n_landmarks = plan.n_landmarks;
         let n_readings = plan.sensor.n_readings();
         let n_more = if manifest.commands.is_some() { N_COMMAND_COLUMNS } else { 0 };
-        if [n_frames, n_landmarks, n_dims, n_kinds, n_readings, n_neighbors].contains(&0) {
+        if [n_frames, n_landmarks, n_dims, n_kinds, n_readings, n_neighbors, n_held_out].contains(&0) {
             return Err(ModelFileError::Contents {
                 what: "manifest announces none of something that it needs",
             });
@@ -301,6 +304,7 @@ impl File<'_> {
                 self.array("covariances", Dtype::F64, &[n_kinds, n_dims, n_dims])?.to_vec(),
             )?,
             squared_radii: self.array("squared_radii", Dtype::U64, &[n_frames])?,
+            novelty: Novelty::new(self.array("held_out", Dtype::F64, &[n_held_out, N_MEASURES])?),
             manifest,
         };
         let written = self.array::<u8>(DIGEST, Dtype::U8, &[32])?;
@@ -321,8 +325,18 @@ impl File<'_> {
 
 /// What the digest cannot vouch for in a file that somebody else's program wrote.
 fn check_contents(model: &Model) -> Result<(), ModelFileError> {
-    let Manifest { plan, commands, n_trained, n_frames, n_neighbors, n_dims, n_kinds, provenance, .. } =
-        &model.manifest;
+    let Manifest {
+        plan,
+        commands,
+        n_trained,
+        n_frames,
+        n_neighbors,
+        n_dims,
+        n_kinds,
+        novelty,
+        provenance,
+        ..
+    } = &model.manifest;
     let trips = &provenance.origin.n_frames;
     let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
     let units_m = plan.sensor.metres_per_count;
@@ -362,6 +376,14 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
             "native space has not one dimension for each reading",
         ),
         (model.squared_radii.is_sorted(), "neighbourhood radii do not ascend"),
+        (
+            novelty.false_alarm_rate > 0.0 && novelty.false_alarm_rate < 1.0,
+            "rate of false alarms is not between 0 and 1",
+        ),
+        (
+            model.novelty.measures().iter().all(|measure| *measure >= 0.0),
+            "measures of held-out frames are negative or not numbers",
+        ),
     ];
     match checks.into_iter().find(|(holds, _)| !holds) {
         Some((_, what)) => Err(ModelFileError::Contents { what }),

@@ -14,7 +14,9 @@ use crate::learnt::Source;
 use crate::locate::Located;
 use crate::mds::MdsError;
 use crate::metric::{MetricError, MetricPlan};
-use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, Origin, Provenance};
+use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, NoveltyManifest, Origin, Provenance};
+use crate::novelty::{FALSE_ALARM_RATE, Usual};
+use crate::out_of_sample::Manifold;
 use crate::plan::{FitPlan, LandmarkChoice, Method};
 use crate::reference::n_held;
 use crate::response::{INVALID, Response, ResponseError};
@@ -376,15 +378,43 @@ fn fit_source<E: Send>(
         embedding,
         coordinates,
         squared_radii,
+        held_out,
     } = located?;
     let (n_frames, n_dims) = (frames.n_frames(), coordinates.len() / n_trained);
     let mixture = find_kinds(&coordinates, n_dims, plan, &mut provenance, progress)?;
 
+    let usual = Usual {
+        manifold: Manifold {
+            frames: &frames,
+            landmarks: &landmarks,
+            geodesics: geodesics.as_ref(),
+            embedding: embedding.as_ref(),
+        },
+        mixture: &mixture,
+        references: &references,
+        coordinates: &coordinates,
+        n_neighbors,
+    };
+    let (row, trips) = (|index| held_out.row(&frames, index), provenance.origin.trips(n_trained));
+    let novelty = with_metric!(&metric, commands.as_ref(), |metric| {
+        usual.learn(metric, &held_out.trained, row, &trips, provenance.n_frames_effective)
+    });
+
     let plan = FitPlan { n_landmarks: plan.n_landmarks.min(n_frames), ..plan.clone() };
     let n_kinds = mixture.n_kinds();
     let format = crate::file::FORMAT;
-    let manifest =
-        Manifest { format, plan, commands, n_trained, n_frames, n_neighbors, n_dims, n_kinds, provenance };
+    let manifest = Manifest {
+        format,
+        plan,
+        commands,
+        n_trained,
+        n_frames,
+        n_neighbors,
+        n_dims,
+        n_kinds,
+        novelty: NoveltyManifest { n_held_out: novelty.n_held_out(), false_alarm_rate: FALSE_ALARM_RATE },
+        provenance,
+    };
     let mut model = Model {
         id: ModelId([0; 16]),
         manifest,
@@ -398,6 +428,7 @@ fn fit_source<E: Send>(
         coordinates: coordinates.into(),
         mixture,
         squared_radii: squared_radii.into(),
+        novelty,
     };
     model.id = crate::file::id_of(&model);
     Ok(model)

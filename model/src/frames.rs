@@ -28,6 +28,13 @@ impl SensorLayout {
         self.rows as usize * self.columns as usize
     }
 
+    /// Whether counts of both stand for as many metres. One may have been through a text, so that they are the same where they
+    /// differ by less than a billionth; what is not a number is another unit.
+    pub fn has_unit_of(&self, other: &Self) -> bool {
+        const TOLERANCE: f64 = 1e-9;
+        (self.metres_per_count - other.metres_per_count).abs() <= TOLERANCE * other.metres_per_count
+    }
+
     /// Whether its rows are rings, whose last reading is beside their first: a camera's are not.
     pub fn has_rings(&self) -> bool {
         self.rows <= Self::N_RING_ROWS_MAX

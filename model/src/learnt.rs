@@ -8,6 +8,7 @@ use crate::landmarks;
 use crate::metric::Metric;
 use crate::model::{Model, Origin};
 use crate::neighbors::{NeighborLists, length, nearest_of_each, neighbor};
+use crate::novelty::N_HELD_OUT_MAX;
 use crate::out_of_sample::{Manifold, Placer};
 use crate::plan::FitPlan;
 use crate::reference::{Kept, ReferenceSet};
@@ -45,6 +46,20 @@ pub(crate) struct Learnt<'a, E> {
     trained: Trained<'a, E>,
     /// Of the trained frames. None where these are the reference frames, whose neighbours will tell.
     intrinsic_dims: Option<IntrinsicDims>,
+    held_out: HeldOut,
+}
+
+/// Some trained frames at random, from which is learnt what is usual.
+pub(crate) struct HeldOut {
+    /// Among the trained frames, ascending.
+    pub(crate) trained: Vec<u32>,
+    rows: Rows,
+}
+
+enum Rows {
+    /// They are reference frames; of those gone no others are left.
+    OfReferences(Vec<u32>),
+    Copied(Frames),
 }
 
 /// What there is of the trained frames, beyond the reference frames.
@@ -68,6 +83,36 @@ pub(crate) struct Placed {
     pub(crate) covering_radius: f32,
     /// Of every trained frame, shape `(n_trained, n_dims)`.
     pub(crate) coordinates: Vec<f64>,
+    pub(crate) held_out: HeldOut,
+}
+
+impl HeldOut {
+    fn of_references(references: &ReferenceSet, seed: u64) -> Self {
+        let chosen = landmarks::at_random(references.n_frames(), N_HELD_OUT_MAX, seed);
+        let trained = chosen.iter().map(|&reference| references.indices()[reference as usize]).collect();
+        Self { trained, rows: Rows::OfReferences(chosen) }
+    }
+
+    /// Every second frame of some that were sampled already.
+    ///
+    /// * `sample` — which of the trained frames they are
+    fn of_sampled(sample: &[u32], sampled: &Frames) -> Self {
+        let rows = (0..sample.len()).step_by(2).flat_map(|index| sampled.row(index));
+        let rows: Vec<u16> = rows.copied().collect();
+        let n_more = sampled.n_columns() - sampled.n_readings();
+        let rows = Frames::with_more_columns(sampled.n_readings(), n_more, rows);
+        Self { trained: sample.iter().copied().step_by(2).collect(), rows: Rows::Copied(rows) }
+    }
+
+    /// What one of them is compared by, by its place among them, shape `(n_columns,)`.
+    ///
+    /// * `frames` — the reference frames
+    pub(crate) fn row<'a>(&'a self, frames: &'a Frames, index: usize) -> &'a [u16] {
+        match &self.rows {
+            Rows::OfReferences(chosen) => frames.row(chosen[index] as usize),
+            Rows::Copied(rows) => rows.row(index),
+        }
+    }
 }
 
 impl<'a, E: Send> Learnt<'a, E> {
@@ -84,13 +129,15 @@ impl<'a, E: Send> Learnt<'a, E> {
         match source {
             Source::All(trained) => {
                 let frames = trained.indexed(plan.sensor);
-                Ok(Self { frames, trained: Trained::AsKept, intrinsic_dims: None })
+                let held_out = HeldOut::of_references(&ReferenceSet::all(frames.n_frames()), plan.seed);
+                Ok(Self { frames, trained: Trained::AsKept, intrinsic_dims: None, held_out })
             }
             Source::Stream(stream) => Self::choose(metric, stream, plan, progress),
             Source::Model(model) => Ok(Self {
                 frames: model.frames().clone(),
                 trained: Trained::Gone(model),
                 intrinsic_dims: Some(model.manifest().provenance.intrinsic_dims),
+                held_out: HeldOut::of_references(model.references(), plan.seed),
             }),
         }
     }
@@ -120,8 +167,10 @@ impl<'a, E: Send> Learnt<'a, E> {
         });
         pass.map_err(StreamError::Read)?;
         let (frames, kept) = kept.into_references();
-        let intrinsic_dims = Some(dims_of(sampled.into_frames(), metric));
-        Ok(Self { frames, trained: Trained::Read { stream, kept }, intrinsic_dims })
+        let sampled = sampled.into_frames();
+        let intrinsic_dims = Some(dims_of(&sampled, metric));
+        let held_out = HeldOut::of_sampled(&sample, &sampled);
+        Ok(Self { frames, trained: Trained::Read { stream, kept }, intrinsic_dims, held_out })
     }
 
     /// Dimensions that the trained frames fill.
@@ -184,20 +233,20 @@ impl<'a, E: Send> Learnt<'a, E> {
         at: Vec<f64>,
         progress: &mut Progress,
     ) -> Result<Placed, StreamError<E>> {
-        let n_frames = self.frames.n_frames();
+        let (n_frames, held_out) = (self.frames.n_frames(), self.held_out);
         let n_dims = at.len() / n_frames;
         let at_reference = |reference: usize| &at[reference * n_dims..][..n_dims];
         match self.trained {
             Trained::AsKept => {
                 let references = ReferenceSet::all(n_frames);
-                Ok(Placed { references, covering_radius: 0.0, coordinates: at })
+                Ok(Placed { references, covering_radius: 0.0, coordinates: at, held_out })
             }
             Trained::Gone(model) => {
                 let references = model.references().clone();
                 let places = references.nearest().iter().map(|&nearest| at_reference(nearest as usize));
                 let coordinates = places.flatten().copied().collect();
                 let covering_radius = model.manifest().provenance.covering_radius;
-                Ok(Placed { references, covering_radius, coordinates })
+                Ok(Placed { references, covering_radius, coordinates, held_out })
             }
             Trained::Read { mut stream, kept } => {
                 let n_trained = stream.n_frames();
@@ -219,6 +268,7 @@ impl<'a, E: Send> Learnt<'a, E> {
                     references: ReferenceSet::from_parts(kept.into(), nearest.into()),
                     covering_radius: length(squared_radius.unwrap_or(0)),
                     coordinates: placed.into_iter().flat_map(|(_, place)| place).collect(),
+                    held_out,
                 })
             }
         }
@@ -227,7 +277,7 @@ impl<'a, E: Send> Learnt<'a, E> {
 
 /// Dimensions that trained frames fill, by some of them at random. Frames that were chosen to be far from each other are no
 /// measure: their neighbours are all as far as the next, as in a space of many dimensions.
-fn dims_of(sampled: Frames, metric: &impl Metric) -> IntrinsicDims {
+fn dims_of(sampled: &Frames, metric: &impl Metric) -> IntrinsicDims {
     let n_listed = N_NEIGHBORS_USED.min(sampled.n_frames() - 1);
-    IntrinsicDims::estimate(&nearest_of_each(&sampled, metric, n_listed, &mut |_| ()))
+    IntrinsicDims::estimate(&nearest_of_each(sampled, metric, n_listed, &mut |_| ()))
 }

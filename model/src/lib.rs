@@ -59,6 +59,7 @@ pub mod mixture;
 mod model;
 pub mod neighborhood;
 pub mod neighbors;
+pub mod novelty;
 mod out_of_sample;
 pub mod plan;
 mod reference;
@@ -68,6 +69,7 @@ mod search;
 mod simd;
 mod squares;
 mod stream;
+mod stress;
 mod symmetric;
 mod tally;
 #[cfg(test)]
@@ -83,7 +85,7 @@ pub use intrinsic_dims::IntrinsicDims;
 pub use metric::{MetricError, MetricPlan};
 pub use model::{
     DirichletProvenance, DirichletTrial, KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX,
-    NeighborsTrial, Origin, Provenance,
+    NeighborsTrial, NoveltyManifest, Origin, Provenance,
 };
 pub use plan::{FitPlan, KindsBy, LandmarkChoice, Method};
 pub use reference::ReferenceSet;

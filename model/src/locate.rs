@@ -8,7 +8,7 @@ use crate::geodesics::Geodesics;
 use crate::graph::{Edge, Graph};
 use crate::intrinsic_dims::N_NEIGHBORS_USED;
 use crate::landmarks;
-use crate::learnt::{Learnt, Placed, Source};
+use crate::learnt::{HeldOut, Learnt, Placed, Source};
 use crate::lengths::Lengths;
 use crate::mds::Embedding;
 use crate::metric::Metric;
@@ -39,6 +39,7 @@ pub(crate) struct Located {
     pub(crate) coordinates: Vec<f64>,
     /// Of the reference frames, ascending, counts².
     pub(crate) squared_radii: Vec<u64>,
+    pub(crate) held_out: HeldOut,
 }
 
 /// What the neighbour graph is made of.
@@ -107,7 +108,7 @@ impl Located {
         };
         let placed = learnt.place(metric, manifold, n_neighbors, kept, progress)?;
         progress(Step::Embedding, 1, 1);
-        let Placed { references, covering_radius, coordinates } = placed;
+        let Placed { references, covering_radius, coordinates, held_out } = placed;
         provenance.covering_radius = covering_radius;
         let mut squared_radii: Vec<u64> =
             lists.nearest(n_neighbors).map(|list| list[n_neighbors - 1].squared_distance).collect();
@@ -121,6 +122,7 @@ impl Located {
             embedding,
             coordinates,
             squared_radii,
+            held_out,
         })
     }
 }

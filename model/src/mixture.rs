@@ -30,6 +30,15 @@ pub struct Mixture {
     log_peaks: Vec<f64>,
 }
 
+/// What the mixture says of a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Density {
+    /// `ln p(e)`, nats.
+    pub log_likelihood: f64,
+    /// Least squared Mahalanobis distance to a kind.
+    pub squared_mahalanobis: f64,
+}
+
 /// Why numbers are not a mixture.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MixtureError {
@@ -199,9 +208,17 @@ impl Mixture {
     ///
     /// Allocates nothing. O(n_kinds · n_dims²).
     pub fn posterior(&self, coordinates: &[f64], probabilities: &mut [f64]) -> f64 {
+        self.density(coordinates, probabilities).log_likelihood
+    }
+
+    /// As [`Self::posterior`], with how far away the nearest kind is.
+    pub fn density(&self, coordinates: &[f64], probabilities: &mut [f64]) -> Density {
         assert_eq!(probabilities.len(), self.n_kinds(), "one probability for each kind");
+        let mut squared_mahalanobis = f64::INFINITY;
         for (kind, log_joint) in probabilities.iter_mut().enumerate() {
-            *log_joint = self.log_peaks[kind] - 0.5 * self.squared_mahalanobis(kind, coordinates);
+            let squared = self.squared_mahalanobis(kind, coordinates);
+            *log_joint = self.log_peaks[kind] - 0.5 * squared;
+            squared_mahalanobis = squared_mahalanobis.min(squared);
         }
         let highest = probabilities.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let mut sum = 0.0;
@@ -212,7 +229,7 @@ impl Mixture {
         for probability in probabilities.iter_mut() {
             *probability /= sum;
         }
-        highest + libm::log(sum)
+        Density { log_likelihood: highest + libm::log(sum), squared_mahalanobis }
     }
 }
 

@@ -12,6 +12,7 @@ use crate::intrinsic_dims::IntrinsicDims;
 use crate::mds::Embedding;
 use crate::metric::AnyMetric;
 use crate::mixture::Mixture;
+use crate::novelty::{Novelty, Usual};
 use crate::out_of_sample::Manifold;
 use crate::plan::FitPlan;
 use crate::reference::ReferenceSet;
@@ -43,8 +44,27 @@ pub struct Manifest {
     pub n_dims: usize,
     /// J.
     pub n_kinds: usize,
+    /// What novelty was learnt from, and what it means.
+    pub novelty: NoveltyManifest,
     /// Where it came from, and why it is as it is. Classifying needs none of it.
     pub provenance: Provenance,
+}
+
+/// What novelty was learnt from, and what it means.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoveltyManifest {
+    /// Trained frames that were held out of the model, one by one.
+    pub n_held_out: usize,
+    /// Share of frames like those seen in training that are called novel all the same.
+    pub false_alarm_rate: f64,
+}
+
+impl NoveltyManifest {
+    /// Whether a frame of such a novelty is called novel.
+    pub fn is_novel(&self, novelty: f64) -> bool {
+        novelty >= 1.0 - self.false_alarm_rate
+    }
 }
 
 /// Where a model came from, and what was seen on the way.
@@ -205,6 +225,7 @@ pub struct Model {
     pub(crate) mixture: Mixture,
     /// Squared distance of each reference frame to its ns-th neighbour, ascending, shape `(n_frames,)`, counts².
     pub(crate) squared_radii: Array<u64>,
+    pub(crate) novelty: Novelty,
 }
 
 impl Model {
@@ -282,6 +303,22 @@ impl Model {
     /// The kinds.
     pub fn mixture(&self) -> &Mixture {
         &self.mixture
+    }
+
+    /// What is usual, to rank frames by.
+    pub fn novelty(&self) -> &Novelty {
+        &self.novelty
+    }
+
+    /// What a frame's novelty is measured by.
+    pub(crate) fn usual(&self) -> Usual<'_> {
+        Usual {
+            manifold: self.manifold(),
+            mixture: &self.mixture,
+            references: &self.references,
+            coordinates: &self.coordinates,
+            n_neighbors: self.manifest.n_neighbors,
+        }
     }
 
     /// Squared distances of the reference frames to their ns-th neighbour, ascending, counts².

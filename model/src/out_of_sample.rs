@@ -1,6 +1,8 @@
 //! Places a frame among the reference frames: the one way, for frames of the trips that a model does not keep and for
 //! those that it is served.
 
+use std::ops::Range;
+
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::mds::Embedding;
@@ -24,7 +26,7 @@ pub(crate) struct Manifold<'a> {
 pub(crate) struct Placer {
     /// For its nearest reference frames: with geodesics, ns; without, the nearest one.
     search: Search,
-    /// Shortest lengths to the landmarks, shape `(n_landmarks,)`, counts.
+    /// Shortest lengths to the landmarks, or distances, shape `(n_landmarks,)`, counts.
     lengths: Vec<f32>,
     /// δ, shape `(n_landmarks,)`, counts².
     squared_geodesics: Vec<f64>,
@@ -54,7 +56,21 @@ impl Placer {
         mapped: &[u16],
         coordinates: &mut [f64],
     ) -> Neighbor {
-        let nearest = self.measure(metric, manifold, mapped);
+        self.place_without(metric, manifold, mapped, 0..0, coordinates)
+    }
+
+    /// The same, as if some reference frames were not there: neighbours are looked for among the others.
+    ///
+    /// * `hidden` — so few that neighbours enough are left
+    pub(crate) fn place_without(
+        &mut self,
+        metric: &impl Metric,
+        manifold: Manifold,
+        mapped: &[u16],
+        hidden: Range<u32>,
+        coordinates: &mut [f64],
+    ) -> Neighbor {
+        let nearest = self.measure(metric, manifold, mapped, hidden);
         match manifold.embedding {
             Some(embedding) => embedding.embed(&self.squared_geodesics, coordinates),
             None => coordinates
@@ -65,12 +81,23 @@ impl Placer {
         nearest
     }
 
+    /// √δ of the frame placed last: lengths by which it was embedded, shape `(n_landmarks,)`, counts.
+    pub(crate) fn lengths(&self) -> &[f32] {
+        &self.lengths
+    }
+
     /// Fills δ (squared shortest lengths to the landmarks, or squared distances; nothing in native space) and finds the nearest
     /// reference frame.
-    fn measure(&mut self, metric: &impl Metric, manifold: Manifold, mapped: &[u16]) -> Neighbor {
+    fn measure(
+        &mut self,
+        metric: &impl Metric,
+        manifold: Manifold,
+        mapped: &[u16],
+        hidden: Range<u32>,
+    ) -> Neighbor {
         let Self { search, lengths, squared_geodesics } = self;
         let frames = manifold.frames;
-        let nearest = search.nearest(frames, metric, mapped);
+        let nearest = search.nearest_without(frames, metric, mapped, hidden);
         match (manifold.geodesics, manifold.embedding) {
             (Some(geodesics), _) => {
                 geodesics.through(nearest.iter().map(|near| (near.frame_index, near.distance())), lengths);
@@ -79,8 +106,10 @@ impl Placer {
                 }
             }
             (None, Some(_)) => {
-                for (squared, &landmark) in squared_geodesics.iter_mut().zip(manifold.landmarks) {
+                let measured = lengths.iter_mut().zip(squared_geodesics);
+                for ((length, squared), &landmark) in measured.zip(manifold.landmarks) {
                     *squared = metric.squared_distance(mapped, frames.row(landmark as usize)) as f64;
+                    *length = squared.sqrt() as f32;
                 }
             }
             (None, None) => {}

@@ -12,7 +12,7 @@
 //! A frame is only passed over for a bound that proves it farther than the k-th, never for one that equals it, so that ties
 //! go to the lower index here too. What the last query was decides what is measured, and not what is found.
 
-use std::ops::Deref;
+use std::ops::{Deref, Range};
 
 use crate::blocks::{Blocks, Bounded, Bounds, Sketch};
 use crate::frames::Frames;
@@ -53,18 +53,34 @@ impl Search {
     /// * `query` — as rows of the frames
     ///
     /// Allocates nothing. O(n_frames) distances at worst.
-    pub(crate) fn nearest<M: Metric>(
+    pub(crate) fn nearest(
+        &mut self,
+        frames: &Frames<impl Deref<Target = [u16]>>,
+        metric: &impl Metric,
+        query: &[u16],
+    ) -> &[Neighbor] {
+        self.nearest_without(frames, metric, query, 0..0)
+    }
+
+    /// The same, as if some frames were not there.
+    ///
+    /// * `hidden` — so few that k others are left
+    pub(crate) fn nearest_without<M: Metric>(
         &mut self,
         frames: &Frames<impl Deref<Target = [u16]>>,
         metric: &M,
         query: &[u16],
+        hidden: Range<u32>,
     ) -> &[Neighbor] {
         let Self { k, nearest, pruned } = self;
         match pruned {
-            Some(pruned) if M::IS_EUCLIDEAN_OR_MORE => pruned.find(frames, metric, query, *k, nearest),
+            Some(pruned) if M::IS_EUCLIDEAN_OR_MORE => {
+                pruned.find(frames, metric, query, hidden, *k, nearest);
+            }
             _ => {
                 nearest.clear();
-                for index in 0..frames.n_frames() {
+                let hidden = hidden.start as usize..hidden.end as usize;
+                for index in (0..hidden.start).chain(hidden.end..frames.n_frames()) {
                     keep(neighbor(index, metric.squared_distance(query, frames.row(index))), *k, nearest);
                 }
             }
@@ -97,6 +113,7 @@ impl Pruned {
         frames: &Frames<impl Deref<Target = [u16]>>,
         metric: &impl Metric,
         query: &[u16],
+        hidden: Range<u32>,
         k: usize,
         nearest: &mut Vec<Neighbor>,
     ) {
@@ -106,9 +123,14 @@ impl Pruned {
         sketch.draw(&query[..frames.n_readings()]);
         blocks.coarse_bounds(sketch, bounds);
 
+        // As those that have been taken.
+        bounds.as_flattened_mut()[hidden.start as usize..hidden.end as usize].fill(f32::INFINITY);
+        nearest.retain(|last| !hidden.contains(&last.frame_index));
         candidates.clear();
         candidates.extend(nearest.drain(..).map(|last| take(bounds, last.frame_index)));
-        let worst = candidates.iter().map(|last| last.bound).max_by(f32::total_cmp);
+        // Fewer than k, of which some are hidden now, are no limit.
+        let last = candidates.iter().map(|last| last.bound).max_by(f32::total_cmp);
+        let worst = last.filter(|_| candidates.len() >= k);
         take_least(bounds, n_first(k, finest), worst.unwrap_or(f32::INFINITY), candidates);
         for (level, waiting) in waiting.iter_mut().enumerate() {
             blocks.refine(level, sketch, candidates);
@@ -260,8 +282,16 @@ mod tests {
     fn check(frames: &Frames, metric: &impl Metric, queries: &Frames, k: usize) -> Result<(), TestCaseError> {
         let mut search = Search::new(frames, k);
         let rows = (0..queries.n_frames()).map(|index| queries.row(index));
-        for query in rows.chain([frames.row(frames.n_frames() / 2)]) {
-            prop_assert_eq!(search.nearest(frames, metric, query), &by_sorting(frames, metric, query)[..k]);
+        let middle = frames.n_frames() / 2;
+        // Around one of the frames, as many as may be.
+        let n_hidden = (frames.n_frames() - k).min(middle);
+        let hidden = (middle - n_hidden / 2) as u32..(middle - n_hidden / 2 + n_hidden) as u32;
+        for query in rows.chain([frames.row(middle)]) {
+            let mut expected = by_sorting(frames, metric, query);
+            prop_assert_eq!(search.nearest(frames, metric, query), &expected[..k]);
+            expected.retain(|near| !hidden.contains(&near.frame_index));
+            let found = search.nearest_without(frames, metric, query, hidden.clone());
+            prop_assert_eq!(found, &expected[..k]);
         }
         Ok(())
     }

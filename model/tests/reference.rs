@@ -87,17 +87,20 @@ fn where_every_frame_may_be_kept_the_limit_changes_nothing() {
 }
 
 #[test]
-fn a_thinned_model_serves_every_trained_frame_at_its_coordinates_bit_for_bit_and_finds_none_novel() {
+fn a_thinned_model_serves_every_trained_frame_at_its_coordinates_bit_for_bit_and_finds_few_novel() {
     for method in [Method::Isomap, Method::Pca] {
         let model = Arc::new(thinned(method));
         assert_eq!((model.manifest().n_trained, model.manifest().n_frames), (N_TRAINED, N_TRAINED / 3));
         assert_eq!(model.coordinates().len(), N_TRAINED * N_DIMS);
         let mut classifier = Classifier::new(Arc::clone(&model));
+        let (novelty, mut n_novel) = (model.manifest().novelty, 0);
         for (index, frame) in trips().chunks_exact(N_READINGS).enumerate() {
             let found = classifier.classify(frame);
             assert_eq!(found.coordinates, place(&model, index), "{method:?}, frame {index}");
-            assert_eq!(found.novelty, 0.0, "{method:?}, frame {index}");
+            n_novel += usize::from(novelty.is_novel(found.novelty));
         }
+        // They are no farther from what is kept than when their part of the trip is hidden.
+        assert!(n_novel as f64 <= 0.02 * N_TRAINED as f64, "{method:?}: {n_novel}");
     }
 }
 

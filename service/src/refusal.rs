@@ -3,9 +3,6 @@
 use kinds_messages::{Frame, FrameHeader, SensorName};
 use kinds_model::SensorLayout;
 
-/// Units that differ by less, relatively, are the same: one may have been through a text.
-const UNIT_TOLERANCE: f64 = 1e-9;
-
 /// Why frames are not classified.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -60,11 +57,7 @@ impl Refusal {
 
 /// Whether frames of a sensor are for a model of the other.
 pub(crate) fn is_same_sensor(frames: SensorLayout, model: SensorLayout) -> bool {
-    let SensorLayout { rows, columns, metres_per_count } = frames;
-    // Written so that a unit that is not a number is another one.
-    let same_unit =
-        (metres_per_count - model.metres_per_count).abs() <= UNIT_TOLERANCE * model.metres_per_count;
-    rows == model.rows && columns == model.columns && same_unit
+    frames.rows == model.rows && frames.columns == model.columns && frames.has_unit_of(&model)
 }
 
 /// What has been refused last, so that it is said once.

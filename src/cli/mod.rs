@@ -87,6 +87,8 @@ pub(crate) enum Verb {
     Record(RecordArguments),
     /// Push a trip through shim, shared memory and service in lockstep, and say whether anything has changed
     Replay(ReplayArguments),
+    /// Say why nothing arrives: who is there, whether they agree, and what to do about it
+    Doctor(DoctorArguments),
 }
 
 #[derive(Args, Debug)]
@@ -252,6 +254,33 @@ pub(crate) struct ReplayArguments {
     pub(crate) expect: Option<PathBuf>,
     #[command(flatten)]
     reading: ReadingArguments,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct DoctorArguments {
+    /// Sensor to ask about [default: all that there are]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) sensor: Option<SensorName>,
+    /// Model that its frames are for
+    #[arg(long, value_name = "M.kinds")]
+    pub(crate) model: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Seconds to wait for a frame
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = seconds)]
+    pub(crate) wait_s: f64,
+    #[command(flatten)]
+    pub(crate) domain: DomainArguments,
+}
+
+/// A time that somebody may wait.
+fn seconds(text: &str) -> Result<f64, String> {
+    let seconds: f64 = text.parse().map_err(|_| "it is not a number".to_owned())?;
+    match (0.0..=3600.0).contains(&seconds) {
+        true => Ok(seconds),
+        false => Err("it must be between 0 and 3600 seconds".to_owned()),
+    }
 }
 
 /// A simulated robot.

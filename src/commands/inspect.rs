@@ -35,7 +35,8 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<(), Failure> {
 }
 
 fn describe(model: &Model) -> String {
-    let Manifest { plan, n_trained, n_frames, n_neighbors, n_kinds, provenance, .. } = model.manifest();
+    let Manifest { plan, n_trained, n_frames, n_neighbors, n_kinds, novelty, provenance, .. } =
+        model.manifest();
     let response = &plan.response;
     let mut lines = vec![
         ("model", model.id().to_string()),
@@ -97,12 +98,20 @@ fn describe(model: &Model) -> String {
                 if provenance.converged { "" } else { " (not converged)" }
             ),
         ),
-        ("largest kind", format!("{:.1} % of the frames", 100.0 * provenance.largest_kind_share)),
         (
             "largest kind",
             format!(
                 "has {:.1} % of the frames, by most probable kind",
                 100.0 * provenance.largest_kind_share
+            ),
+        ),
+        (
+            "novelty",
+            format!(
+                "by {} held-out frames; from {} on called novel, which {} % of frames like those learnt from are too",
+                novelty.n_held_out,
+                1.0 - novelty.false_alarm_rate,
+                100.0 * novelty.false_alarm_rate
             ),
         ),
         (

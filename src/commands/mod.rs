@@ -1,6 +1,7 @@
 //! One module for each verb.
 
 pub(crate) mod demo;
+pub(crate) mod doctor;
 pub(crate) mod evaluate;
 pub(crate) mod inspect;
 pub(crate) mod publish;

@@ -1,10 +1,12 @@
 //! `kinds top`: how all services of the domain fare, and who is connected.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use kinds_messages::{Domain, HealthReader, HealthReport, Node, ReportStatus, SensorName, SensorPresence};
+use kinds_messages::{
+    Census, Domain, HealthReader, HealthReport, Life, Node, Program, Purpose, ReportStatus, SensorName,
+};
 use kinds_model::ModelId;
 use serde_json::{Value, json};
 
@@ -44,17 +46,21 @@ pub(crate) fn run(arguments: &TopArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A sensor, and the health of its service if there is one.
-type Seen = (SensorPresence, Option<HealthReport>);
+/// What was seen of a sensor.
+struct Seen {
+    sensor: SensorName,
+    /// Who lives and has a channel of it open, this program left out.
+    programs: Vec<Program>,
+    /// Of its service, if there is one.
+    health: Option<HealthReport>,
+}
 
 fn look(domain: &Domain, node: &Node) -> Result<Vec<Seen>, Failure> {
-    let cannot = |error| Failure::CouldNot(format!("cannot see who is there: {error}"));
-    let present = domain.sensors().map_err(cannot)?;
+    let census = domain.census("kinds-top")?;
     let mut readers = BTreeMap::new();
-    for SensorPresence { sensor, .. } in &present {
-        let reader = HealthReader::open(node, sensor)?;
-        if reader.is_published() {
-            readers.insert(sensor.clone(), reader);
+    for channel in &census.channels {
+        if channel.purpose == Purpose::Health && channel.publisher.is_some() {
+            readers.insert(channel.sensor.clone(), HealthReader::open(node, &channel.sensor)?);
         }
     }
     let mut healths: BTreeMap<SensorName, HealthReport> = BTreeMap::new();
@@ -67,13 +73,26 @@ fn look(domain: &Domain, node: &Node) -> Result<Vec<Seen>, Failure> {
         }
         std::thread::sleep(LOOK);
     }
-    Ok(present
+    let sensors: BTreeSet<&SensorName> = census.channels.iter().map(|channel| &channel.sensor).collect();
+    Ok(sensors
         .into_iter()
-        .map(|presence| {
-            let health = healths.remove(&presence.sensor);
-            (presence, health)
+        .map(|sensor| Seen {
+            sensor: sensor.clone(),
+            programs: connected(&census, sensor),
+            health: healths.remove(sensor),
         })
         .collect())
+}
+
+/// Who lives and has a channel of a sensor open, by process, this program left out.
+fn connected(census: &Census, sensor: &SensorName) -> Vec<Program> {
+    let programs = census.channels_of(sensor).flat_map(|channel| &channel.programs);
+    let others =
+        programs.filter(|program| program.life == Life::Alive && program.pid != Some(std::process::id()));
+    let mut others: Vec<Program> = others.cloned().collect();
+    others.sort_by_key(|program| program.pid);
+    others.dedup();
+    others
 }
 
 fn table(sensors: &[Seen]) -> Vec<String> {
@@ -81,7 +100,7 @@ fn table(sensors: &[Seen]) -> Vec<String> {
         "{:16} {:>7} {:>11} {:>9} {:>9} {:>6} {:>5} {:>8}",
         "sensor", "Hz", "kind", "p50 µs", "p99.9 µs", "lost", "late", "up s"
     )];
-    for (SensorPresence { sensor, programs }, health) in sensors {
+    for Seen { sensor, programs, health } in sensors {
         lines.push(match health {
             None => format!("{:16} not served", sensor.as_str()),
             Some(health) => {
@@ -104,19 +123,17 @@ fn table(sensors: &[Seen]) -> Vec<String> {
                 )
             }
         });
-        let names = programs.iter().filter(|program| program.pid != std::process::id());
-        let names: Vec<_> = names.map(|program| format!("{} {}", program.name, program.pid)).collect();
+        let names: Vec<_> = programs.iter().map(Program::to_string).collect();
         lines.push(format!("  connected: {}", names.join(", ")));
     }
     lines
 }
 
 fn json_line(sensors: &[Seen]) -> String {
-    let sensors = sensors.iter().map(|(presence, health)| {
-        let programs = presence.programs.iter().filter(|program| program.pid != std::process::id());
-        let programs = programs.map(|program| json!({ "name": program.name, "pid": program.pid }));
+    let sensors = sensors.iter().map(|Seen { sensor, programs, health }| {
+        let programs = programs.iter().map(|program| json!({ "name": program.name, "pid": program.pid }));
         json!({
-            "sensor": presence.sensor.as_str(),
+            "sensor": sensor.as_str(),
             "programs": programs.collect::<Vec<_>>(),
             "health": health.as_ref().map(health_json),
         })

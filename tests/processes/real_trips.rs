@@ -10,7 +10,7 @@ use crate::robot::{MODEL, Robot};
 use crate::world::assert_reports_equal_classifying_here;
 
 /// Path of a recording, if it is there.
-fn trip(name: &str) -> Option<PathBuf> {
+pub(crate) fn trip(name: &str) -> Option<PathBuf> {
     let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/trips");
     let folder = std::env::var_os("KINDS_TRIPS_DIR").unwrap_or_else(|| beside.into());
     let path = PathBuf::from(folder).join(name);

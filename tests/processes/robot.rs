@@ -86,10 +86,11 @@ impl Robot {
     }
 
     /// A program of this robot that has not been started.
-    fn command(&self, arguments: &[&str]) -> Command {
+    pub(crate) fn command(&self, arguments: &[&str]) -> Command {
         self.command_of(env!("CARGO_BIN_EXE_kinds"), arguments)
     }
 
+    /// Another program, as one of this robot.
     pub(crate) fn command_of(&self, program: &str, arguments: &[&str]) -> Command {
         let mut command = Command::new(program);
         command

@@ -85,6 +85,11 @@ impl Running {
         await_that(|| self.status("State:").starts_with('T'));
     }
 
+    /// Its process.
+    pub(crate) fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
     pub(crate) fn has_ended(&mut self) -> bool {
         self.child.try_wait().unwrap().is_some()
     }

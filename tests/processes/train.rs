@@ -251,7 +251,7 @@ fn what_the_number_of_kinds_is_chosen_by_can_be_asked_for_by_flag_and_by_file() 
     let inspection = inspect(&robot, "flag.kinds");
     let text = robot.succeed(&["inspect", "flag.kinds"]);
     let share = inspection["provenance"]["largest_kind_share"].as_f64().unwrap();
-    let line = format!("largest kind {:.1} % of the frames", 100.0 * share);
+    let line = format!("largest kind has {:.1} % of the frames, by most probable kind", 100.0 * share);
     assert!(text.lines().any(|found| found == line), "no {line:?} in {text}");
     let (_, table) = text.split_once("\nkinds begun with   kinds kept   lower bound\n").unwrap();
     let process = &inspection["provenance"]["dirichlet"];
@@ -462,7 +462,7 @@ fn inspect_says_what_is_in_a_model() {
     let model = crate::world::open_model(&robot.path(MODEL));
     let inspection = inspect(&robot, MODEL);
     assert_eq!(inspection["model_id"], model.id().to_string());
-    assert_eq!(inspection["format"], 1);
+    assert_eq!(inspection["format"], 2);
     assert_eq!(inspection["n_frames"], 160);
     assert_eq!((&inspection["n_dims"], &inspection["n_kinds"]), (&8.into(), &5.into()));
     assert_eq!((&inspection["plan"]["n_dims"], &inspection["plan"]["n_kinds"]), (&8.into(), &5.into()));
