@@ -29,16 +29,15 @@ pub struct Command {
 
 /// Everything about a frame but its counts, which are the message's payload: `rows` × `columns` of `u16`, row by row,
 /// 0 for a reading without measurement.
-///
-/// Only integers and floats, since anything else from a faulty writer could be undefined behaviour in a reader. No
-/// padding; offsets are asserted below.
+// Only integers and floats, since anything else from a faulty writer could be undefined behaviour in a reader. No padding;
+// offsets are asserted below, and stand in `consumers/layout.csv` for all languages. Words here are the C header's too.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[repr(C)]
 #[type_name("natural_kinds::FrameHeader")]
 pub struct FrameHeader {
-    /// [`FrameHeader::VERSION`] of the program that wrote this.
+    /// `VERSION` of the program that wrote this.
     pub version: u32,
-    /// [`FrameHeader::HAS_POSE`], [`FrameHeader::HAS_COMMAND`] and [`FrameHeader::HAS_TRUE_POSE`], or-ed.
+    /// `HAS_POSE`, `HAS_COMMAND` and `HAS_TRUE_POSE`, or-ed.
     pub flags: u32,
     /// Start of the publishing driver shim, ns since the epoch. Identifies a run, within which `sequence` counts; it
     /// is compared for equality only, since the wall clock may be set between two runs.
@@ -47,7 +46,7 @@ pub struct FrameHeader {
     pub sequence: u64,
     /// When the sensor captured the frame, ns since the epoch.
     pub captured_ns: i64,
-    /// When the frame was sent, [`monotonic_ns`](crate::monotonic_ns). Set by sending.
+    /// When the frame was sent, ns on CLOCK_MONOTONIC. Set by sending.
     pub sent_monotonic_ns: u64,
     /// Metres that one count stands for.
     pub metres_per_count: f64,
@@ -55,13 +54,12 @@ pub struct FrameHeader {
     pub rows: u32,
     /// Columns of the sensor.
     pub columns: u32,
-    /// Meaningful with [`FrameHeader::HAS_POSE`]; read it through [`FrameHeader::known_pose`].
+    /// Where the robot takes itself to have been. Meaningful with `HAS_POSE`.
     pub pose: Pose,
-    /// Meaningful with [`FrameHeader::HAS_COMMAND`]; read it through [`FrameHeader::known_command`].
+    /// What the robot had been told to do. Meaningful with `HAS_COMMAND`.
     pub command: Command,
     /// Where the robot was, told by somebody who need not guess: a simulation, a tracking system. For judging kinds and
-    /// poses, never for making them. Meaningful with [`FrameHeader::HAS_TRUE_POSE`]; read it through
-    /// [`FrameHeader::known_true_pose`].
+    /// poses, never for making them. Meaningful with `HAS_TRUE_POSE`.
     pub true_pose: Pose,
 }
 
@@ -158,6 +156,31 @@ impl Default for FrameHeader {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::assert_layout;
+
+    #[test]
+    fn layout_is_the_one_that_other_languages_see() {
+        assert_layout!("kinds_pose", Pose, [x_m, y_m, yaw_rad]);
+        assert_layout!("kinds_command", Command, [forward_m_s, turn_rad_s]);
+        assert_layout!(
+            "kinds_frame_header",
+            FrameHeader,
+            [
+                version,
+                flags,
+                run,
+                sequence,
+                captured_ns,
+                sent_monotonic_ns,
+                metres_per_count,
+                rows,
+                columns,
+                pose,
+                command,
+                true_pose
+            ]
+        );
+    }
 
     #[test]
     fn poses_and_command_are_known_only_when_given() {

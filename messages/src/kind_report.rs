@@ -35,20 +35,22 @@ impl ReportStatus {
 }
 
 /// Kind probabilities of one frame, with all that is needed to tell which frame, by which model and how fast.
-///
-/// Fixed size, no pointers, no padding; offsets are asserted below. Probabilities and coordinates are read through
-/// methods, which trust no length that a faulty writer might have left.
+// Fixed size, no pointers, no padding; offsets are asserted below, and stand in `consumers/layout.csv` for all languages. Words
+// here are the C header's too. In Rust probabilities and coordinates are read through methods, which trust no length that a
+// faulty writer might have left; C is not given such a report (`is_sound`).
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[repr(C)]
 #[type_name("natural_kinds::KindReport")]
 pub struct KindReport {
-    /// [`KindReport::VERSION`] of the program that wrote this.
+    /// `VERSION` of the program that wrote this.
     pub version: u32,
-    /// [`KindReport::CLASSIFIED`] or [`KindReport::INVALID`]; read it through [`KindReport::status`].
+    /// `CLASSIFIED`, or anything else for a frame that told nothing.
     pub status: u32,
     /// The most probable kind, counted from 0.
     pub kind: u32,
+    /// How many kinds the model has: the first so many probabilities are set.
     n_kinds: u32,
+    /// How many dimensions the model has: the first so many coordinates are set.
     n_dims: u32,
     /// Readings of the frame without measurement.
     pub n_invalid: u32,
@@ -60,7 +62,7 @@ pub struct KindReport {
     pub n_lost: u64,
     /// When the sensor captured the frame, ns since the epoch.
     pub captured_ns: i64,
-    /// When the driver shim sent the frame, [`monotonic_ns`](crate::monotonic_ns).
+    /// When the driver shim sent the frame, ns on CLOCK_MONOTONIC.
     pub sent_monotonic_ns: u64,
     /// When the service received the frame.
     pub received_monotonic_ns: u64,
@@ -72,7 +74,9 @@ pub struct KindReport {
     pub log_likelihood: f64,
     /// From 0, like the frames the model was trained on, to 1, unlike any of them.
     pub novelty: f64,
+    /// Probability of each kind.
     probabilities: [f64; MAX_KINDS],
+    /// Place of the frame in the embedding.
     coordinates: [f64; MAX_DIMS],
 }
 
@@ -110,6 +114,13 @@ impl KindReport {
     /// What became of the frame. A status that this version does not know counts as invalid.
     pub fn status(&self) -> ReportStatus {
         ReportStatus::of(self.status)
+    }
+
+    /// Whether kind and lengths are within the report, so that who indexes by them stays inside it.
+    pub fn is_sound(&self) -> bool {
+        (self.kind as usize) < MAX_KINDS
+            && self.n_kinds as usize <= MAX_KINDS
+            && self.n_dims as usize <= MAX_DIMS
     }
 
     /// Probability of each kind, `(n_kinds,)`.
@@ -164,6 +175,35 @@ impl Default for KindReport {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::assert_layout;
+
+    #[test]
+    fn layout_is_the_one_that_other_languages_see() {
+        assert_layout!(
+            "kinds_report",
+            KindReport,
+            [
+                version,
+                status,
+                kind,
+                n_kinds,
+                n_dims,
+                n_invalid,
+                run,
+                sequence,
+                n_lost,
+                captured_ns,
+                sent_monotonic_ns,
+                received_monotonic_ns,
+                reported_monotonic_ns,
+                model_id,
+                log_likelihood,
+                novelty,
+                probabilities,
+                coordinates
+            ]
+        );
+    }
 
     #[test]
     fn probabilities_and_coordinates_come_back_as_they_were_set() {
@@ -179,6 +219,9 @@ mod tests {
         let report = KindReport { n_kinds: u32::MAX, n_dims: 33, ..KindReport::default() };
         assert_eq!(report.probabilities().len(), MAX_KINDS);
         assert_eq!(report.coordinates().len(), MAX_DIMS);
+        assert!(!report.is_sound());
+        assert!(KindReport { n_kinds: 64, n_dims: 32, kind: 63, ..KindReport::default() }.is_sound());
+        assert!(!KindReport { kind: 64, ..KindReport::default() }.is_sound());
     }
 
     #[test]

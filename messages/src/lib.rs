@@ -81,4 +81,4 @@ pub use node::Node;
 pub use own_domain::OwnDomain;
 pub use reload_messages::{ReloadAnswer, ReloadRequest};
 pub use reloads::{ReloadAsker, ReloadDesk};
-pub use reports::{ReportPublisher, ReportReader, ServiceId};
+pub use reports::{HeldReport, ReportPublisher, ReportReader, ServiceId};

@@ -7,6 +7,7 @@
 use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::mem::MaybeUninit;
+use std::ops::Deref;
 use std::time::Duration;
 
 use iceoryx2::identifiers::UniquePublisherId;
@@ -17,6 +18,7 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{CallbackProgression, PortFactory as _, ipc};
+use iceoryx2::sample::Sample;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
@@ -164,13 +166,18 @@ impl ReportReader {
 
     /// The oldest report that waits, if any: a copy, so that a reader holds no slot.
     pub fn receive(&self) -> Result<Option<KindReport>, ChannelError> {
+        Ok(self.hold()?.map(|report| *report))
+    }
+
+    /// The oldest report that waits, if any, where the service wrote it. Two may be held at a time.
+    pub fn hold(&self) -> Result<Option<HeldReport>, ChannelError> {
         let slot = self.subscriber.receive().map_err(|error| match error {
             ReceiveError::ExceedsMaxBorrows => {
                 ChannelError::TooManyHeld { channel: self.channel.name(), limit: self.channel.limits().held }
             }
             other => ChannelError::transport("receive a report on", &self.channel, other),
         })?;
-        let Some(report) = slot.map(|slot| *slot.payload()) else { return Ok(None) };
+        let Some(report) = slot.map(|slot| HeldReport { slot }) else { return Ok(None) };
         if report.version != KindReport::VERSION {
             return Err(ChannelError::OtherVersion {
                 channel: self.channel.name(),
@@ -197,6 +204,20 @@ impl ReportReader {
             CallbackProgression::Stop
         });
         service
+    }
+}
+
+/// A report where the service wrote it. Its slot is free again when this is dropped.
+#[derive(Debug)]
+pub struct HeldReport {
+    slot: Sample<ipc::Service, KindReport, ()>,
+}
+
+impl Deref for HeldReport {
+    type Target = KindReport;
+
+    fn deref(&self) -> &KindReport {
+        self.slot.payload()
     }
 }
 

@@ -6,6 +6,34 @@ use std::path::PathBuf;
 use crate::channel::{Channel, Purpose};
 use crate::{Domain, FrameHeader};
 
+/// Asserts that a message's fields lie where the table of all languages says, and that it has no others.
+macro_rules! assert_layout {
+    ($name:literal, $message:ident, [$($field:ident),*]) => {
+        // Names all fields: one that is not in the list does not compile.
+        let $message { $($field: _),* } = $message::default();
+        let message = $message::default();
+        let rows = [
+            $(format!(
+                "{},{},{},{}\n",
+                $name,
+                stringify!($field),
+                std::mem::offset_of!($message, $field),
+                size_of_val(&message.$field)
+            ),)*
+            format!("{},,0,{}\n", $name, size_of::<$message>()),
+        ];
+        assert_eq!(rows.concat(), $crate::testing::layout_of($name));
+    };
+}
+pub(crate) use assert_layout;
+
+/// What the table of all languages says of a message.
+pub(crate) fn layout_of(name: &str) -> String {
+    let table = include_str!("../../consumers/layout.csv").lines();
+    let of_it = table.filter(|row| row.split(',').next() == Some(name));
+    of_it.map(|row| format!("{row}\n")).collect()
+}
+
 /// A channel of frames in a domain.
 pub(crate) fn frames_channel(domain: &Domain, sensor: &str) -> Channel {
     Channel { sensor: sensor.parse().unwrap(), purpose: Purpose::Frames, root: domain.root.clone() }
