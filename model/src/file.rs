@@ -3,6 +3,21 @@
 //! The container is safetensors; its metadata holds one entry, `manifest`, a [`Manifest`] in RON. The array `digest` is
 //! the SHA-256 of the manifest and of every other array with name, type and shape, so that a flipped bit anywhere that
 //! matters is found before the first frame, and equal contents have equal bytes and an equal [`ModelId`].
+//!
+//! | array | type and shape | |
+//! |---|---|---|
+//! | `frames` | u16 (n_frames, n_columns) | reference frames on the response's scale; commands, where they are compared, as two more columns |
+//! | `references` | u32 (n_frames) | which of the trained frames they are |
+//! | `nearest` | u32 (n_trained) | which of the reference frames each trained frame is nearest to |
+//! | `response` | u16 (65536) | what a raw count becomes before it is compared |
+//! | `coordinates` | f64 (n_trained, n_dims) | where the trained frames lie in the embedding |
+//! | `weights`, `means`, `covariances` | f64 (n_kinds), (n_kinds, n_dims), (n_kinds, n_dims, n_dims) | the kinds |
+//! | `squared_radii` | u64 (n_frames) | of each reference frame to its last neighbour, ascending, counts² |
+//! | `held_out` | f64 (n_held_out, 3) | what novelty is told by, of frames that were held out ([`novelty`](crate::novelty)) |
+//! | `landmarks` | u32 (n_landmarks) | which reference frames geodesics are measured from (not by `native`) |
+//! | `projection`, `mean_squared_geodesics` | f64 (n_landmarks, n_dims), (n_landmarks) | P and δ̄ (not by `native`) |
+//! | `geodesics` | f32 (n_frames, n_landmarks) | G (`isomap` alone) |
+//! | `digest` | u8 (32) | its first 16 bytes are the model's id |
 
 use std::collections::HashMap;
 

@@ -1,0 +1,28 @@
+"""Kinds of places, and the frames that they are told from, through shared memory.
+
+    for report in natural_kinds.watch("crunch/ring"):
+        print(report.kind, report.probabilities)
+
+Pure Python over the library ``libnatural_kinds.so``, which natural kinds' own programs bring along. One thread at a time may use
+what it opened; two at once get an error. Ctrl-C ends a wait as it ends everything.
+"""
+
+from ._library import Error, LibraryNotFound, __version__
+from .frames import Frame, FrameHeader, Frames, frames
+from .model import Model, load_model
+from .reports import Kinds, Report, watch
+
+__all__ = [
+    "Error",
+    "Frame",
+    "FrameHeader",
+    "Frames",
+    "Kinds",
+    "LibraryNotFound",
+    "Model",
+    "Report",
+    "__version__",
+    "frames",
+    "load_model",
+    "watch",
+]
