@@ -7,6 +7,7 @@ mod asked_wrongly;
 mod bad_trips;
 mod commands;
 mod consumer;
+mod consumers;
 mod demo;
 mod doctor;
 mod evaluate;

@@ -1,0 +1,360 @@
+//! Consumers and drivers in other languages: what the examples that README shows do beside a running service.
+//!
+//! Compilers and Python are found on the path. A test that lacks what it needs says that it was skipped.
+
+#![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use kinds_messages::{FrameHeader, FramePublisher, KindReport, Pose, Purpose};
+use rustix::process::Signal;
+
+use crate::robot::{MODEL, Robot, SECOND, SENSOR};
+use crate::running::{Running, await_that};
+use crate::world::{open_model, read_trip};
+
+fn checkout(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+/// Where cargo has built the library for this test.
+fn library_folder() -> PathBuf {
+    Path::new(env!("CARGO_BIN_EXE_kinds")).with_file_name("deps")
+}
+
+/// A program of a robot, with all that it needs to find the library.
+fn program(robot: &Robot, program: &Path, arguments: &[&str]) -> Command {
+    let mut command = robot.command_of(program.to_str().unwrap(), arguments);
+    command
+        .env("LD_LIBRARY_PATH", library_folder())
+        .env("NATURAL_KINDS_LIBRARY", library_folder().join("libnatural_kinds.so"))
+        .env("PYTHONPATH", checkout("consumers/python/src"))
+        .env("PYTHONDONTWRITEBYTECODE", "1");
+    command
+}
+
+#[derive(Clone, Copy)]
+enum Linked {
+    Dynamically,
+    Statically,
+}
+
+/// Compiles a program against the library, every warning an error. None, in words, where there is no compiler.
+fn compiled(robot: &Robot, source: &str, linked: Linked) -> Option<PathBuf> {
+    let (compiler, standard) = match source.ends_with(".cpp") {
+        true => ("c++", "c++17"),
+        false => ("cc", "gnu11"),
+    };
+    if Command::new(compiler).arg("--version").output().is_err() {
+        eprintln!("skipped: there is no {compiler}");
+        return None;
+    }
+    let output = robot.path(Path::new(source).file_name().unwrap().to_str().unwrap()).with_extension("out");
+    let mut command = Command::new(compiler);
+    command
+        .args([&format!("-std={standard}"), "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O2", "-o"])
+        .arg(&output)
+        .arg("-I")
+        .arg(checkout("consumers/c/include"))
+        .arg("-I")
+        .arg(checkout("consumers/cpp/include"))
+        .arg(checkout(source));
+    match linked {
+        Linked::Dynamically => command.arg("-L").arg(library_folder()).arg("-lnatural_kinds"),
+        Linked::Statically => {
+            command.arg(library_folder().join("libnatural_kinds.a")).args(["-lpthread", "-ldl", "-lm"])
+        }
+    };
+    let compiled = command.output().unwrap();
+    assert!(compiled.status.success(), "{source}: {}", String::from_utf8_lossy(&compiled.stderr));
+    Some(output)
+}
+
+/// Whether there is a Python that has these packages; says so if not.
+fn has_python(packages: &str) -> bool {
+    let probe = Command::new("python3").args(["-c", &format!("import {packages}")]).output();
+    let has = probe.is_ok_and(|probe| probe.status.success());
+    if !has {
+        eprintln!("skipped: there is no python3 that has {packages}");
+    }
+    has
+}
+
+/// A Python program. None, in words, where Python lacks what it needs.
+fn python(robot: &Robot, source: &str, arguments: &[&str], packages: &str) -> Option<Command> {
+    let source = checkout(source);
+    let arguments = [&[source.to_str().unwrap()], arguments].concat();
+    has_python(packages).then(|| program(robot, Path::new("python3"), &arguments))
+}
+
+/// Waits until a program reads a channel.
+fn await_reader(robot: &Robot, reader: &Running, purpose: Purpose) {
+    await_that(|| {
+        let census = robot.domain().census("test").unwrap();
+        let channel = census.channel(&SENSOR.parse().unwrap(), purpose);
+        channel.is_some_and(|channel| channel.readers.iter().any(|program| program.pid == Some(reader.pid())))
+    });
+}
+
+/// The lines that every example prints of these reports.
+fn lines(reports: &[KindReport]) -> String {
+    let line = |report: &KindReport| {
+        let probability = report.probabilities()[report.kind as usize];
+        format!("frame {}: kind {}, probability {probability:.6}\n", report.sequence, report.kind)
+    };
+    reports.iter().map(line).collect()
+}
+
+/// A consumer prints what a consumer in Rust gets, though it is stopped and continued while it waits.
+fn check_consumer(start: impl FnOnce(&Robot) -> Option<Command>) {
+    let robot = Robot::trained();
+    let service = robot.serve();
+    let Some(mut command) = start(&robot) else { return };
+    let consumer = robot.join();
+    let watch = Running::start(&mut command);
+    await_reader(&robot, &watch, Purpose::Kinds);
+    watch.freeze();
+    watch.signal(Signal::CONT);
+    let reports = consumer.await_end_of(&mut robot.publish(SECOND, "max"));
+    assert_eq!(reports.len(), 130);
+    let outcome = watch.end();
+    assert_eq!((outcome.code, outcome.stderr.as_str()), (Some(0), ""));
+    assert_eq!(outcome.stdout, lines(&reports));
+    service.stop(Signal::TERM);
+}
+
+fn check_compiled_consumer(source: &str, linked: Linked) {
+    check_consumer(|robot| Some(program(robot, &compiled(robot, source, linked)?, &[SENSOR, "130"])));
+}
+
+#[test]
+fn a_consumer_in_c_prints_what_one_in_rust_gets() {
+    check_compiled_consumer("consumers/c/examples/watch.c", Linked::Dynamically);
+}
+
+#[test]
+fn a_consumer_in_c_with_the_library_inside_prints_the_same() {
+    check_compiled_consumer("consumers/c/examples/watch.c", Linked::Statically);
+}
+
+#[test]
+fn a_consumer_in_cpp_prints_what_one_in_rust_gets() {
+    check_compiled_consumer("consumers/cpp/examples/watch.cpp", Linked::Dynamically);
+}
+
+#[test]
+fn a_consumer_in_python_prints_what_one_in_rust_gets() {
+    check_consumer(|robot| python(robot, "consumers/python/examples/watch.py", &[SENSOR, "130"], "numpy"));
+}
+
+#[test]
+fn a_consumer_with_the_transports_own_python_package_prints_the_same() {
+    check_consumer(|robot| {
+        let domain = robot.domain();
+        let arguments = [domain.root.to_str().unwrap(), &domain.prefix, SENSOR, "130"];
+        python(robot, "consumers/python/tests/iceoryx2_package.py", &arguments, "numpy, iceoryx2")
+    });
+}
+
+/// A driver's frames, from its standard input, are classified as those of our own shim.
+fn check_driver(source: &str) {
+    let robot = Robot::trained();
+    let service = robot.serve();
+    let Some(driver) = compiled(&robot, source, Linked::Dynamically) else { return };
+    let ours = robot.join().await_end_of(&mut robot.publish(SECOND, "max"));
+
+    let frames = robot.join_frames();
+    let mut consumer = robot.join();
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    let mut command = program(&robot, &driver, &[SENSOR, "1", "16", "0.001"]);
+    let driver = Running::start(command.stdin(Stdio::from(reader)));
+    drop(command);
+    for (sequence, (_, counts)) in (0..).zip(read_trip(&robot.path(SECOND))) {
+        writer.write_all(bytemuck::cast_slice(&counts)).unwrap();
+        // The last report of our own shim's run came first.
+        await_that(|| {
+            consumer.take_one().is_some_and(|report| report.run != ours[0].run && check(&report, &ours))
+        });
+        let frame = frames.receive().unwrap().expect("a frame that is reported has come");
+        let FrameHeader { rows, columns, metres_per_count, .. } = *frame.header();
+        assert_eq!((rows, columns, metres_per_count, frame.counts()), (1, 16, 0.001, &counts[..]));
+        assert_eq!(frame.header().sequence, sequence);
+        let command = frame.header().known_command().unwrap();
+        assert_eq!((command.forward_m_s, command.turn_rad_s), (0.2, 0.0));
+    }
+    drop(writer);
+    let outcome = driver.end();
+    assert_eq!((outcome.code, outcome.stderr.as_str()), (Some(0), ""));
+    service.stop(Signal::TERM);
+}
+
+/// Whether a report says what the one on our own shim's frame of the same number says.
+fn check(report: &KindReport, ours: &[KindReport]) -> bool {
+    let expected = &ours[report.sequence as usize];
+    assert_eq!((report.kind, report.probabilities()), (expected.kind, expected.probabilities()));
+    assert_eq!(report.coordinates(), expected.coordinates());
+    true
+}
+
+#[test]
+fn frames_of_a_driver_in_c_are_classified_as_our_own_shims() {
+    check_driver("consumers/c/examples/driver.c");
+}
+
+#[test]
+fn frames_of_a_driver_in_cpp_are_classified_as_our_own_shims() {
+    check_driver("consumers/cpp/examples/driver.cpp");
+}
+
+/// Starts a reader of frames in Python, and publishes frames of four counts to it, one when it has printed a line for the last.
+fn publish_to_python(robot: &Robot, mut command: Command, n_frames: u64, line: impl Fn(u64) -> String) {
+    let reader = Running::start(&mut command);
+    await_reader(robot, &reader, Purpose::Frames);
+    let publisher = FramePublisher::create(&robot.node(), &SENSOR.parse().unwrap(), 4).unwrap();
+    for sequence in 0..n_frames {
+        let mut loan = publisher.loan().unwrap();
+        loan.counts_mut().copy_from_slice(&[0, 1, 2, 3]);
+        let header =
+            FrameHeader { sequence, rows: 2, columns: 2, metres_per_count: 0.001, ..FrameHeader::default() };
+        loan.send(&header.with_pose(Some(Pose { x_m: 1.5, ..Pose::default() }))).unwrap();
+        reader.await_out(&line(sequence));
+    }
+    let outcome = reader.end();
+    assert_eq!((outcome.code, outcome.stderr.as_str()), (Some(0), ""));
+}
+
+#[test]
+fn frames_in_python_are_read_where_they_lie_and_as_long_as_an_array_of_them_is_there() {
+    let robot = Robot::new();
+    let script = "consumers/python/tests/in_place.py";
+    let Some(command) = python(&robot, script, &[SENSOR], "numpy") else { return };
+    publish_to_python(&robot, command, 4, |sequence| if sequence < 3 { "ready" } else { "done" }.to_string());
+}
+
+#[test]
+fn frames_in_python_come_one_by_one() {
+    let robot = Robot::new();
+    let script = "consumers/python/examples/frames.py";
+    let Some(command) = python(&robot, script, &[SENSOR, "20"], "numpy") else { return };
+    publish_to_python(&robot, command, 20, |sequence| format!("frame {sequence}: 2 × 2, nearest 0.001 m"));
+}
+
+#[test]
+fn a_wait_in_python_ends_by_ctrl_c() {
+    let robot = Robot::new();
+    let script = "consumers/python/examples/watch.py";
+    let Some(mut command) = python(&robot, script, &[SENSOR, "1"], "numpy") else { return };
+    let watch = Running::start(&mut command);
+    await_reader(&robot, &watch, Purpose::Kinds);
+    watch.signal(Signal::INT);
+    let outcome = watch.end();
+    assert!(outcome.stderr.ends_with("KeyboardInterrupt\n"), "{outcome:?}");
+    assert_eq!(robot.shared_memory(), [""; 0]);
+}
+
+#[test]
+fn a_models_arrays_in_python_are_those_of_the_model() {
+    let robot = Robot::trained();
+    let script = "consumers/python/tests/model.py";
+    let Some(mut command) = python(&robot, script, &[MODEL], "numpy") else { return };
+    let outcome = Running::start(&mut command).end();
+    assert_eq!((outcome.code, outcome.stderr.as_str()), (Some(0), ""));
+    let model = open_model(&robot.path(MODEL));
+    let (weights, radii) = (model.mixture().weights(), model.squared_radii());
+    for part in [
+        format!("id {}\n", model.id()),
+        "frames uint16 [160, 16]\n".to_string(),
+        "geodesics float32 [160, 160]\n".to_string(),
+        format!("\n{weights:?}\n{radii:?}\n"),
+    ] {
+        assert!(outcome.stdout.contains(&part), "{part} in {outcome:?}");
+    }
+
+    robot.write("cut.kinds", &robot.read(MODEL)[..5000]);
+    let mut command = python(&robot, script, &["cut.kinds"], "numpy").unwrap();
+    let outcome = Running::start(&mut command).end();
+    let said = "ValueError: cut.kinds is not a whole model file; copy it again or train anew\n";
+    assert!(outcome.stderr.ends_with(said), "{outcome:?}");
+}
+
+#[test]
+fn messages_lie_in_memory_as_the_table_says_in_c_and_in_python() {
+    let robot = Robot::new();
+    let table = std::fs::read_to_string(checkout("consumers/layout.csv")).unwrap();
+    let c = compiled(&robot, "consumers/c/tests/layout.c", Linked::Dynamically);
+    let c = c.map(|path| program(&robot, &path, &[]));
+    let python = python(&robot, "consumers/python/tests/layout.py", &[], "numpy");
+    for mut command in c.into_iter().chain(python) {
+        assert_eq!(Running::start(&mut command).end().stdout, table, "{command:?}");
+    }
+}
+
+#[test]
+fn a_library_that_is_not_there_is_a_sentence_in_python() {
+    let robot = Robot::new();
+    let script = "consumers/python/tests/layout.py";
+    let Some(mut command) = python(&robot, script, &[], "numpy") else { return };
+    let outcome = Running::start(command.env("NATURAL_KINDS_LIBRARY", "/nowhere/libnatural_kinds.so")).end();
+    let said = "install natural kinds, or build it in its checkout with `cargo build --release -p kinds-c` and set \
+                NATURAL_KINDS_LIBRARY to the path of target/release/libnatural_kinds.so\n";
+    assert!(outcome.stderr.contains("libnatural_kinds.so cannot be loaded (/nowhere/"), "{outcome:?}");
+    assert!(outcome.stderr.ends_with(said), "{outcome:?}");
+}
+
+#[test]
+fn the_package_installs_from_the_checkout_and_is_of_the_librarys_version() {
+    let robot = Robot::new();
+    let manifest = std::fs::read_to_string(checkout("consumers/python/pyproject.toml")).unwrap();
+    assert!(manifest.contains(concat!("\nversion = \"", env!("CARGO_PKG_VERSION"), "\"\n")));
+    if !has_python("numpy, setuptools.command.bdist_wheel, pip") {
+        return;
+    }
+    // A copy, since building leaves folders beside the sources.
+    let copy =
+        Command::new("cp").arg("-r").args([checkout("consumers/python"), robot.path("package")]).status();
+    assert!(copy.unwrap().success());
+    let install = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"];
+    let to = [Path::new("--target"), &robot.path("site"), &robot.path("package")];
+    let installed = Command::new("python3").args(install).args(to).output().unwrap();
+    assert!(installed.status.success(), "{}", String::from_utf8_lossy(&installed.stderr));
+    let mut command =
+        program(&robot, Path::new("python3"), &["-c", "import natural_kinds; print(natural_kinds.__file__)"]);
+    let outcome = Running::start(command.env("PYTHONPATH", robot.path("site"))).end();
+    assert_eq!(outcome.stderr, "");
+    assert!(Path::new(outcome.stdout.trim_end()).starts_with(robot.path("site")), "{outcome:?}");
+    assert!(robot.path("site/natural_kinds/py.typed").exists());
+}
+
+#[test]
+fn the_pkg_config_file_says_how_to_compile() {
+    let robot = Robot::new();
+    if Command::new("pkg-config").arg("--version").output().is_err() {
+        eprintln!("skipped: there is no pkg-config");
+        return;
+    }
+    let template = std::fs::read_to_string(checkout("consumers/c/natural-kinds.pc.in")).unwrap();
+    let file = template.replace("@PREFIX@", "/usr").replace("@VERSION@", env!("CARGO_PKG_VERSION"));
+    robot.write("natural-kinds.pc", file);
+    let mut command = robot.command_of("pkg-config", &["--cflags", "--libs", "--static", "natural-kinds"]);
+    command.env("PKG_CONFIG_PATH", robot.path("")).env("PKG_CONFIG_ALLOW_SYSTEM_CFLAGS", "1");
+    let outcome = Running::start(command.env("PKG_CONFIG_ALLOW_SYSTEM_LIBS", "1")).end();
+    assert_eq!(outcome.stdout.trim(), "-I/usr/include -L/usr/lib -lnatural_kinds -lpthread -ldl -lm");
+}
+
+#[test]
+fn readme_shows_the_examples_as_they_are() {
+    let readme = std::fs::read_to_string(checkout("README.md")).unwrap();
+    for (example, language) in [
+        ("c/examples/watch.c", "c"),
+        ("c/examples/driver.c", "c"),
+        ("cpp/examples/watch.cpp", "cpp"),
+        ("python/examples/watch.py", "python"),
+        ("python/examples/frames.py", "python"),
+    ] {
+        let source = std::fs::read_to_string(checkout("consumers").join(example)).unwrap();
+        assert!(source.lines().count() <= 25, "{example}");
+        assert!(readme.contains(&format!("```{language}\n{source}```\n")), "{example}");
+    }
+}
