@@ -16,6 +16,7 @@ use kinds_trips::Selection;
 
 pub(crate) use self::evaluate::EvaluateArguments;
 pub(crate) use self::train::TrainArguments;
+use crate::log::Format;
 use crate::owner::Joined;
 
 /// Tells a robot, in microseconds and without labels, what kind of place its raw sensors are in.
@@ -30,6 +31,9 @@ use crate::owner::Joined;
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) verb: Verb,
+    /// How to write what is told on standard error
+    #[arg(long, global = true, value_enum, default_value_t = Format::Text, env = "KINDS_LOG_FORMAT", value_name = "FORMAT")]
+    pub(crate) log_format: Format,
 }
 
 /// Where the robot's programs meet.

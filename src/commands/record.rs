@@ -11,8 +11,8 @@ use kinds_trips::{FrameLayout, Stamp, TripWriteError};
 use crate::cli::RecordArguments;
 use crate::failure::Failure;
 use crate::say::mention;
-use crate::stop;
 use crate::trip_file::TripFile;
+use crate::{log, stop};
 
 /// Longest time between two looks at the stop flag.
 const TICK: Duration = Duration::from_millis(50);
@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     let reports = ReportReader::open(&node, sensor)?;
     let frames = FrameReader::open(&node, sensor)?;
     if !frames.is_published() {
-        eprintln!("kinds: waiting for a driver shim to publish {sensor}");
+        log::notice(format!("waiting for a driver shim to publish {sensor}"));
     }
     let n_frames_max = arguments.count.unwrap_or(u64::MAX);
     let (mut last_flush, mut last_clean_up) = (Instant::now(), Instant::now());

@@ -12,6 +12,7 @@ mod doctor;
 mod evaluate;
 mod faults;
 mod health;
+mod log;
 mod models;
 mod narrow;
 mod novelty;

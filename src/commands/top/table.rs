@@ -55,6 +55,7 @@ pub(crate) fn row(sensor: &SensorName, seen: &Seen, width: usize) -> String {
         Service::None => " not served".to_string(),
         Service::Unreadable(_) => " served, but its health cannot be read".to_string(),
         Service::Mute => " served; nothing heard yet".to_string(),
+        Service::Heard { age, .. } if age >= SILENCE => format!(" silent for {}", span(age)),
         Service::Heard { said, .. } => numbers(&said.health),
     };
     format!("{:width$} {rest}", sensor.as_str())
