@@ -182,6 +182,10 @@ pub(crate) struct ServeArguments {
     /// for long may be paged out, and the next frame waits for it
     #[arg(long)]
     pub(crate) lock_memory: bool,
+    /// Processors, priority and memory to ask the system for, in a file such as
+    /// (cpus: [2, 3], priority: 50, lock_memory: true): what is not allowed is told, and served without
+    #[arg(long, value_name = "FILE.ron")]
+    pub(crate) realtime: Option<PathBuf>,
     /// Serve counters and latencies to Prometheus at http://ADDR/metrics, such as 127.0.0.1:9184
     #[arg(long, value_name = "ADDR")]
     pub(crate) metrics: Option<SocketAddr>,

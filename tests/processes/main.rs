@@ -19,6 +19,7 @@ mod novelty;
 mod ordeal;
 mod publish;
 mod real_trips;
+mod realtime;
 mod record;
 mod reload;
 mod replay;
