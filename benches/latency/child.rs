@@ -53,6 +53,10 @@ impl Classify for Nothing {
         false
     }
 
+    fn is_novel(&self, _novelty: f64) -> bool {
+        false
+    }
+
     fn classify(&mut self, _: &[u16], _: Option<Command>) -> &Classification {
         &self.classification
     }

@@ -4,7 +4,7 @@
 //! * the least squared Mahalanobis distance of the embedding to a kind. Alone it misses most: an embedding maps any frame onto
 //!   the span of those in training;
 //! * the squared distance to the nearest reference frame;
-//! * [geodesic stress](crate::stress): whether the place explains the lengths.
+//! * geodesic stress (`stress.rs`): whether the place explains the lengths.
 //!
 //! What is usual for each is learnt from some trained frames that are *held out*: placed as if the model had never seen the
 //! block of the trip around them, as long as its autocorrelation time τ. A frame whose neighbours in time are there is always

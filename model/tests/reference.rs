@@ -99,8 +99,8 @@ fn a_thinned_model_serves_every_trained_frame_at_its_coordinates_bit_for_bit_and
             assert_eq!(found.coordinates, place(&model, index), "{method:?}, frame {index}");
             n_novel += usize::from(novelty.is_novel(found.novelty));
         }
-        // They are no farther from what is kept than when their part of the trip is hidden.
-        assert!(n_novel as f64 <= 0.02 * N_TRAINED as f64, "{method:?}: {n_novel}");
+        // They are no farther from what is kept than when their part of the trip is hidden; their places differ, though.
+        assert!(n_novel as f64 <= 0.05 * N_TRAINED as f64, "{method:?}: {n_novel}");
     }
 }
 

@@ -13,6 +13,9 @@ pub trait Classify {
     /// Whether frames are compared by commands beside their readings.
     fn compares_commands(&self) -> bool;
 
+    /// Whether a frame of such a novelty is called unlike what the model has seen.
+    fn is_novel(&self, novelty: f64) -> bool;
+
     /// Classifies one frame of raw counts, `(n_readings,)`. The service only calls it with frames of
     /// [`layout`](Self::layout).
     ///
@@ -31,6 +34,10 @@ impl Classify for Classifier {
 
     fn compares_commands(&self) -> bool {
         self.model().commands().is_some()
+    }
+
+    fn is_novel(&self, novelty: f64) -> bool {
+        self.model().manifest().novelty.is_novel(novelty)
     }
 
     fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {

@@ -13,9 +13,6 @@ use crate::Summary;
 /// How often health is said.
 pub(crate) const HEALTH_PERIOD: Duration = Duration::from_secs(1);
 
-/// Novelty from which on a frame counts as unlike what the model has seen.
-pub const NOVELTY_THRESHOLD: f64 = 0.99;
-
 /// Longest time that is told from longer ones.
 const LATENCY_NS_MAX: u64 = 60_000_000_000;
 /// Of a latency, by which histograms are as exact as documented: within 1 %.
@@ -58,7 +55,9 @@ impl Health {
     }
 
     /// Takes note of a report that was sent. Allocates nothing.
-    pub(crate) fn count(&mut self, report: &KindReport) {
+    ///
+    /// * `is_novel` — whether the model calls a frame of such a novelty unlike what it has seen
+    pub(crate) fn count(&mut self, report: &KindReport, is_novel: bool) {
         let [sent, received, reported] =
             [report.sent_monotonic_ns, report.received_monotonic_ns, report.reported_monotonic_ns];
         self.sent_to_received.record(received.saturating_sub(sent));
@@ -68,7 +67,6 @@ impl Health {
         let last = self.last_frame.replace(this);
         let health = &mut self.report;
         health.n_late += u64::from(last.is_some_and(|last| is_late(last, this, reported)));
-        let is_novel = report.novelty >= NOVELTY_THRESHOLD;
         health.n_novel += u64::from(is_novel && report.status() == ReportStatus::Classified);
         health.flags |= HealthReport::HAS_LAST_FRAME;
         health.last_status = report.status;
@@ -192,7 +190,7 @@ mod tests {
         // Squares, in an order that is not theirs.
         let us = |index: u64| (index * 7919 % 1000 + 1).pow(2);
         for index in 0..1000 {
-            health.count(&report(1, index, 0, [us(index), 2 * us(index)]));
+            health.count(&report(1, index, 0, [us(index), 2 * us(index)]), false);
         }
         let said = end_interval(&mut health).last_interval;
         for (latency, factor) in
@@ -211,11 +209,11 @@ mod tests {
     #[test]
     fn an_interval_forgets_and_the_whole_time_does_not() {
         let mut health = Health::new();
-        health.count(&report(1, 0, 0, [10, 20]));
+        health.count(&report(1, 0, 0, [10, 20]), false);
         let first = end_interval(&mut health);
         assert_eq!(first.last_interval, first.since_start);
-        health.count(&report(1, 1, 1_000_000, [10, 20]));
-        health.count(&report(1, 2, 2_000_000, [10, 20]));
+        health.count(&report(1, 1, 1_000_000, [10, 20]), false);
+        health.count(&report(1, 2, 2_000_000, [10, 20]), false);
         let second = end_interval(&mut health);
         let n_frames = |stages: StageLatencies| stages.sent_to_reported.n_frames;
         assert_eq!((n_frames(second.last_interval), n_frames(second.since_start)), (2, 3));
@@ -230,13 +228,13 @@ mod tests {
         let mut health = Health::new();
         let mut report = report(1, 0, 0, [0, 0]);
         report.reported_monotonic_ns = u64::MAX;
-        health.count(&report);
+        health.count(&report, false);
         let latency = end_interval(&mut health).since_start.sent_to_reported;
         assert!(latency.max_ns >= LATENCY_NS_MAX && latency.max_ns < 2 * LATENCY_NS_MAX, "{latency:?}");
         // From the future, which only a faulty writer is.
         report.sent_monotonic_ns = u64::MAX;
         report.reported_monotonic_ns = 0;
-        health.count(&report);
+        health.count(&report, false);
         assert_eq!(end_interval(&mut health).last_interval.sent_to_reported.max_ns, 0);
     }
 
@@ -244,7 +242,7 @@ mod tests {
     fn a_report_is_late_when_the_next_frame_was_due() {
         let mut health = Health::new();
         let mut n_late = |run, sequence, sent_us, reported_us| {
-            health.count(&report(run, sequence, sent_us, [0, reported_us]));
+            health.count(&report(run, sequence, sent_us, [0, reported_us]), false);
             end_interval(&mut health).n_late
         };
         assert_eq!(n_late(1, 0, 1000, 900_000), 0, "nothing to compare with");
@@ -256,19 +254,16 @@ mod tests {
     }
 
     #[test]
-    fn novel_are_classified_frames_from_the_threshold_on() {
+    fn novel_are_classified_frames_that_the_model_calls_novel() {
         let mut health = Health::new();
-        for (status, novelty) in [
-            (KindReport::CLASSIFIED, NOVELTY_THRESHOLD),
-            (KindReport::CLASSIFIED, 0.98),
-            (KindReport::INVALID, 1.0),
-            (KindReport::CLASSIFIED, 1.0),
-        ] {
+        for (status, is_novel) in
+            [(KindReport::CLASSIFIED, true), (KindReport::CLASSIFIED, false), (KindReport::INVALID, true)]
+        {
             let mut report = report(1, 0, 0, [0, 0]);
-            (report.status, report.novelty) = (status, novelty);
-            health.count(&report);
+            report.status = status;
+            health.count(&report, is_novel);
         }
-        assert_eq!(end_interval(&mut health).n_novel, 2);
+        assert_eq!(end_interval(&mut health).n_novel, 1);
     }
 
     #[test]
@@ -279,7 +274,7 @@ mod tests {
         report.kind = 1;
         report.novelty = 0.5;
         report.set_probabilities(&[0.25, 0.75]);
-        health.count(&report);
+        health.count(&report, false);
         let said = end_interval(&mut health);
         assert_eq!(said.last_status(), Some(ReportStatus::Classified));
         assert_eq!((said.last_kind, said.last_probability, said.last_novelty), (1, 0.75, 0.5));

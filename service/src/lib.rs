@@ -28,7 +28,6 @@ mod service;
 mod tests;
 
 pub use classify::Classify;
-pub use health::NOVELTY_THRESHOLD;
 pub use refusal::Refusal;
 pub use reload::OpenModel;
 pub use service::{Service, Summary};

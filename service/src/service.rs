@@ -246,7 +246,7 @@ impl<C: Classify> Service<C> {
         report.received_monotonic_ns = received_monotonic_ns;
         fill(report, classification);
         report.reported_monotonic_ns = self.reports.send(report)?;
-        self.health.count(report);
+        self.health.count(report, self.classifier.is_novel(report.novelty));
         Ok(())
     }
 

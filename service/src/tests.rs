@@ -63,6 +63,10 @@ impl Classify for Spy {
         self.compares_commands
     }
 
+    fn is_novel(&self, novelty: f64) -> bool {
+        novelty > 0.5
+    }
+
     fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {
         let address = counts.as_ptr_range();
         let address = address.start as usize..address.end as usize;

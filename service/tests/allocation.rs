@@ -115,6 +115,10 @@ impl Classify for Noting {
         self.classifier.compares_commands()
     }
 
+    fn is_novel(&self, novelty: f64) -> bool {
+        self.classifier.is_novel(novelty)
+    }
+
     fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {
         let classification = Classify::classify(&mut self.classifier, counts, command);
         self.answered.store(Taken::so_far().n_allocated, Ordering::Relaxed);

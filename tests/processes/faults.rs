@@ -118,6 +118,8 @@ fn a_consumer_that_stands_still_is_noticed_by_nobody_and_says_how_many_reports_i
     let n_frames = 600;
     Trip { n_frames, ..Trip::SECOND }.write(&robot.path("long.mcap"));
     let watch = robot.start(&["watch", "--sensor", SENSOR, "--json"]);
+    // Of a service that is there already it would say nothing.
+    watch.await_err("kinds: waiting for a service");
     let service = robot.serve();
     watch.await_err("kinds: a service for crunch/ring is there");
     let publish = ["publish", "--trip", "long.mcap", "--sensor", SENSOR, "--speed", "20", "--follow"];

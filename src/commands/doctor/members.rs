@@ -20,7 +20,7 @@ pub(super) fn examine(domain: &Domain, census: &Census) -> Vec<Finding> {
     findings.extend(of(Life::Dead).map(|program| {
         wrong(
             "programs",
-            format!("{} was killed, and what it left is still there", program),
+            format!("{program} was killed, and what it left is still there"),
             "start it again, or any program of this domain: each removes what killed ones left",
         )
     }));
@@ -36,7 +36,7 @@ pub(super) fn examine(domain: &Domain, census: &Census) -> Vec<Finding> {
     findings.extend(of(Life::Alive).filter(|program| program.pid.is_some_and(is_stopped)).map(|program| {
         wrong(
             "programs",
-            format!("{} is there but stopped: it does nothing until it is continued", program),
+            format!("{program} is there but stopped: it does nothing until it is continued"),
             program.pid.map_or(String::new(), |pid| format!("kill -CONT {pid}")),
         )
     }));

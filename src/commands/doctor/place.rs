@@ -110,12 +110,13 @@ mod tests {
     fn a_folder_of_another_user_is_wrong_with_both_users() {
         let folder = tempfile::tempdir().unwrap();
         let own = rustix::process::geteuid().as_raw();
+        let mode = folder.path().metadata().unwrap().mode() & 0o7777;
         assert!(on_root(folder.path(), own).well);
         let finding = on_root(folder.path(), own + 77_777);
         assert_eq!(
             finding.what,
             format!(
-                "{} belongs to user {} (mode 700), and this program runs as user {}",
+                "{} belongs to user {} (mode {mode:o}), and this program runs as user {}",
                 folder.path().display(),
                 user(own),
                 own + 77_777
