@@ -292,7 +292,7 @@ mod tests {
         let mut rounds: Vec<[u128; 2]> = Vec::new();
         for _ in 0..101 {
             let start = Instant::now();
-            reports.iter().for_each(|report| health.count(std::hint::black_box(report)));
+            reports.iter().for_each(|report| health.count(std::hint::black_box(report), false));
             let counted = start.elapsed();
             std::hint::black_box(end_interval(&mut health));
             rounds.push([counted.as_nanos() / 1000, (start.elapsed() - counted).as_nanos()]);
