@@ -86,7 +86,7 @@ mod tests {
             ),
             (
                 "(prio: 5)",
-                "line 1, column 6: Unexpected field named `prio` in `Realtime`, expected one of `cpus`, `priority`, or \
+                "line 1, column 2: Unexpected field named `prio` in `Realtime`, expected one of `cpus`, `priority`, or \
                  `lock_memory` instead",
             ),
         ] {

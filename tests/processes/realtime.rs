@@ -102,7 +102,7 @@ fn settings_that_cannot_be_are_refused_with_file_line_and_column() {
         ),
         (
             "(cpu: [0])",
-            "line 1, column 5: Unexpected field named `cpu` in `Realtime`, expected one of `cpus`, `priority`, or `lock_memory` instead",
+            "line 1, column 2: Unexpected field named `cpu` in `Realtime`, expected one of `cpus`, `priority`, or `lock_memory` instead",
         ),
     ] {
         robot.write("realtime.ron", settings);
