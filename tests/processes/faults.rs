@@ -6,26 +6,14 @@
 use kinds_messages::{FRAME_BUFFER, FrameHeader, FramePublisher};
 use rustix::process::Signal;
 
-use crate::ordeal::{Ordeal, PROGRAMS, RECORDED};
-use crate::robot::{MODEL, Robot, SECOND, SENSOR};
+use crate::ordeal::{Ordeal, PROGRAMS, RECORDED, recordings};
+use crate::robot::{Robot, SECOND, SENSOR};
 use crate::running::await_that;
 use crate::world::{Trip, read_trip};
 
-/// A robot with a model of Crunch's sensor, learnt from its own trip.
-fn crunch() -> Robot {
-    let robot = Robot::new();
-    let recorder = robot.start(&["record", "--sensor", SENSOR, "--output", "drive.mcap", "--count", "300"]);
-    recorder.await_err("kinds: waiting for a driver shim to publish crunch/ring");
-    let shim = robot.start(&["publish", "--simulate", "crunch", "--sensor", SENSOR, "--speed", "100"]);
-    assert_eq!(recorder.end().code, Some(0));
-    shim.stop(Signal::TERM);
-    robot.succeed(&[&["train", "drive.mcap", "--output", MODEL][..], &crate::robot::SIZE].concat());
-    robot
-}
-
 #[test]
 fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_nothing() {
-    let robot = crunch();
+    let robot = Robot::crunch();
     let mut ordeal = Ordeal::begin(&robot, "5", 7);
     let before = ordeal.remains();
     for round in 0..25 {
@@ -51,7 +39,7 @@ fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_not
             ordeal.check_all_is_well();
         }
     }
-    assert_eq!(ordeal.n_kills, [25; PROGRAMS.len()]);
+    assert_eq!(ordeal.kills_ns.each_ref().map(Vec::len), [25; PROGRAMS.len()]);
     eprintln!("all were well again within {:?} of the last start, at the slowest", ordeal.longest_return);
     // Who was killed last is cleaned up after by those who live, every few seconds.
     let has_not_grown = || {
@@ -66,8 +54,7 @@ fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_not
     // The last recorder's trip is whole. Of each that was killed there is what it had written.
     assert!(recorded.contains(" into recorded.mcap; 0 frames lost"), "{recorded}");
     assert!(!read_trip(&robot.path(RECORDED)).is_empty());
-    let partial = |path: &std::path::Path| path.to_string_lossy().ends_with(".partial");
-    assert_eq!(robot.files().keys().filter(|path| partial(path)).count(), 25);
+    assert_eq!(recordings(&robot).len(), 25);
     assert_eq!(robot.shared_memory(), [""; 0]);
 }
 
