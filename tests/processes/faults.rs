@@ -3,13 +3,16 @@
 
 #![allow(clippy::print_stderr, reason = "a test says how long it took, and does not judge it")]
 
-use kinds_messages::{FRAME_BUFFER, FrameHeader, FramePublisher};
+use std::path::Path;
+
+use kinds_messages::{FRAME_BUFFER, FrameHeader, FramePublisher, KindReport};
+use kinds_model::SensorLayout;
 use rustix::process::Signal;
 
 use crate::ordeal::{Ordeal, PROGRAMS, RECORDED, recordings};
-use crate::robot::{Robot, SECOND, SENSOR};
+use crate::robot::{MODEL, Robot, SECOND, SENSOR};
 use crate::running::await_that;
-use crate::world::{Trip, read_trip};
+use crate::world::{Trip, open_model, read_trip};
 
 #[test]
 fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_nothing() {
@@ -80,6 +83,45 @@ fn a_service_that_stands_still_loses_the_oldest_frames_and_says_how_many() {
     assert!(newest[0].n_lost > 0 && newest[1..].iter().all(|report| report.n_lost == 0));
     let told = service.stop(Signal::TERM);
     assert!(told.ends_with(&format!("; {n_lost} lost\n")), "{told}");
+}
+
+#[test]
+fn of_a_sensor_that_is_too_fast_the_newest_frames_win_and_those_lost_are_counted() {
+    let robot = Robot::new();
+    let replay = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/replay");
+    std::fs::copy(replay.join("camera.kinds"), robot.path(MODEL)).unwrap();
+    let frames = read_trip(&replay.join("camera2.mcap"));
+    let SensorLayout { rows, columns, metres_per_count } = open_model(&robot.path(MODEL)).layout();
+    let service = robot.serve();
+    let mut consumer = robot.join();
+    // A camera that waits for nothing and nobody: to hand over a frame takes a small part of what it takes to classify it.
+    let camera = FramePublisher::create(&robot.node(), &SENSOR.parse().unwrap(), frames[0].1.len()).unwrap();
+    let (mut n_sent, mut reports) = (0_u64, Vec::new());
+    let n_lost = |reports: &[KindReport]| reports.iter().map(|report| report.n_lost).sum::<u64>();
+    await_that(|| {
+        for (_, counts) in &frames {
+            let mut loan = camera.loan().unwrap();
+            loan.counts_mut().copy_from_slice(counts);
+            let header = FrameHeader { run: 1, sequence: n_sent, rows, columns, ..FrameHeader::default() };
+            loan.send(&FrameHeader { metres_per_count, ..header }).unwrap();
+            n_sent += 1;
+            reports.extend(consumer.take_one());
+        }
+        n_lost(&reports) >= 1000
+    });
+    await_that(|| {
+        reports.extend(consumer.take_one());
+        reports.last().is_some_and(|report| report.sequence + 1 == n_sent)
+    });
+    assert!(reports.is_sorted_by(|a, b| a.sequence < b.sequence));
+    assert_eq!(reports.len() as u64 + n_lost(&reports), n_sent);
+    let told = service.stop(Signal::TERM);
+    let n_classified = reports.len();
+    let expected = format!(
+        "served {n_classified} frames: {n_classified} classified, 0 invalid, 0 repeated, 0 refused; {} lost\n",
+        n_lost(&reports)
+    );
+    assert!(told.ends_with(&expected), "{told}, not {expected}");
 }
 
 #[test]
