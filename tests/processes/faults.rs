@@ -5,8 +5,11 @@
 
 use std::path::Path;
 
-use kinds_messages::{FRAME_BUFFER, FrameHeader, FramePublisher, KindReport};
+use kinds_messages::{Command, FRAME_BUFFER, FrameHeader, FramePublisher, KindReport, Pose};
 use kinds_model::SensorLayout;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 use rustix::process::Signal;
 
 use crate::ordeal::{Ordeal, PROGRAMS, RECORDED, recordings};
@@ -58,6 +61,31 @@ fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_not
     assert!(recorded.contains(" into recorded.mcap; 0 frames lost"), "{recorded}");
     assert!(!read_trip(&robot.path(RECORDED)).is_empty());
     assert_eq!(recordings(&robot).len(), 25);
+    assert_eq!(robot.shared_memory(), [""; 0]);
+}
+
+#[test]
+fn what_is_left_of_a_program_whose_remover_was_killed_at_it_is_removed_by_the_next() {
+    let robot = Robot::new();
+    let members = robot.domain().root.join("nodes");
+    let watch = || {
+        let watch = robot.start(&["watch", "--sensor", SENSOR]);
+        watch.await_err("kinds: waiting for a service for crunch/ring");
+        watch
+    };
+    watch().kill();
+    // The first thing that a remover removes.
+    let mut n_details = 0;
+    for member in std::fs::read_dir(&members).unwrap().map(|entry| entry.unwrap().path()) {
+        let files = std::fs::read_dir(member).into_iter().flatten().map(|entry| entry.unwrap().path());
+        for details in files.filter(|file| file.to_string_lossy().ends_with("node.details")) {
+            std::fs::remove_file(details).unwrap();
+            n_details += 1;
+        }
+    }
+    assert_eq!(n_details, 1);
+    watch().stop(Signal::TERM);
+    assert_eq!(std::fs::read_dir(&members).unwrap().count(), 0, "nobody is a member, or seems to be");
     assert_eq!(robot.shared_memory(), [""; 0]);
 }
 
@@ -233,6 +261,49 @@ fn a_clock_that_steps_changes_no_order() {
         told.ends_with("served 10 frames: 10 classified, 0 invalid, 0 repeated, 0 refused; 0 lost\n"),
         "{told}"
     );
+}
+
+#[test]
+fn frames_whose_headers_are_made_by_chance_end_no_service() {
+    let robot = Robot::trained();
+    let service = robot.serve();
+    let mut consumer = robot.join();
+    let shim = FramePublisher::create(&robot.node(), &SENSOR.parse().unwrap(), 16).unwrap();
+    let whole =
+        FrameHeader { run: 1, rows: 1, columns: 16, metres_per_count: 0.001, ..FrameHeader::default() };
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    for round in 0..300_u64 {
+        // Any value at all, or one that is nearly right.
+        let mut number = |right: u64| match random.random_range(0..4) {
+            0 => random.random::<u64>(),
+            1 => u64::MAX,
+            _ => right,
+        };
+        let flags = number(0) as u32;
+        let [x_m, forward_m_s] = [0, 0].map(|right| f64::from_bits(number(right)));
+        let header = FrameHeader {
+            version: number(1) as u32,
+            flags,
+            run: number(1000 + round),
+            sequence: number(0),
+            captured_ns: number(round) as i64,
+            metres_per_count: f64::from_bits(number(0.001_f64.to_bits())),
+            rows: number(1) as u32,
+            columns: number(16) as u32,
+            pose: Pose { x_m, ..Pose::default() },
+            command: Command { forward_m_s, ..Command::default() },
+            ..whole
+        };
+        let n_readings = 16 - (number(0) % 16) as usize;
+        shim.loan().unwrap().send_first(n_readings, &header).unwrap();
+        // One that is right, and is reported: so nothing that was sent is left out for want of time.
+        shim.loan().unwrap().send(&FrameHeader { sequence: 0, run: u64::MAX - 1 - round, ..whole }).unwrap();
+        let is_right = |report: &KindReport| report.run == u64::MAX - 1 - round;
+        await_that(|| consumer.take_one().is_some_and(|report| is_right(&report)));
+    }
+    let told = service.stop(Signal::TERM);
+    let [n_frames, .., n_refused, _] = numbers(told.lines().last().unwrap())[..] else { panic!("{told}") };
+    assert!(n_frames == 600 && n_refused > 0, "{told}");
 }
 
 const FAULTS: &str = "(\n    seed: 3, drop: 0.05, repeat: 0.06, reorder: 0.07, delay: 0.02, delay_ms: 5,\n    \
