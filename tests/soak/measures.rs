@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use kinds_messages::{HealthReader, HealthReport, Latency};
+use kinds_messages::{HealthReader, Latency};
 
 use crate::ordeal::{Ordeal, Program, RECORDED, recordings};
 use crate::robot::Robot;
@@ -17,8 +17,38 @@ impl Ordeal<'_> {
     }
 }
 
+/// What a robot's programs hold.
+pub(crate) struct Held {
+    pub(crate) n_shared_files: usize,
+    pub(crate) shared_bytes: u64,
+    pub(crate) n_domain_files: usize,
+    pub(crate) disk_bytes: u64,
+    /// The service alone.
+    pub(crate) memory_kb: u64,
+}
+
+impl Held {
+    pub(crate) fn by(ordeal: &Ordeal, robot: &Robot) -> Self {
+        let (n_shared_files, shared_bytes, n_domain_files) = ordeal.remains();
+        let (disk_bytes, memory_kb) = (disk_bytes(robot), ordeal.memory_kb());
+        Self { n_shared_files, shared_bytes, n_domain_files, disk_bytes, memory_kb }
+    }
+}
+
+pub(crate) fn held_table(before: &Held, after: &Held) -> String {
+    let rows = [
+        ("memory of the service, kB", before.memory_kb, after.memory_kb),
+        ("/dev/shm, bytes", before.shared_bytes, after.shared_bytes),
+        ("/dev/shm, files", before.n_shared_files as u64, after.n_shared_files as u64),
+        ("the domain's folder, files", before.n_domain_files as u64, after.n_domain_files as u64),
+        ("disk without recordings, bytes", before.disk_bytes, after.disk_bytes),
+    ];
+    let rows = rows.map(|(what, before, after)| format!("  {what:31} {before} before, {after} after"));
+    rows.join("\n")
+}
+
 /// Bytes of the robot's files, without recordings.
-pub(crate) fn disk_bytes(robot: &Robot) -> u64 {
+fn disk_bytes(robot: &Robot) -> u64 {
     let recordings = recordings(robot);
     let files = std::fs::read_dir(robot.path("")).unwrap().map(|entry| entry.unwrap());
     let others = files.filter(|file| !recordings.contains(&file.path()) && file.file_name() != RECORDED);
@@ -51,17 +81,17 @@ fn used_ns(pid: u32) -> u64 {
     used.map(|told| told.split(' ').next().unwrap().parse::<u64>().unwrap()).sum()
 }
 
-/// The next health report that counts a frame.
-pub(crate) fn latest_health(reader: &HealthReader) -> HealthReport {
-    let mut latest = None;
-    let has_frames = |report: &HealthReport| report.since_start.sent_to_reported.n_frames > 0;
+/// From frame to report since a service began, as it says next.
+pub(crate) fn latest_latency(reader: &HealthReader) -> Latency {
     // What waits may be old.
     while reader.receive().unwrap().is_some() {}
+    let mut latency = Latency::default();
     await_that(|| {
-        latest = reader.receive().unwrap().filter(has_frames);
-        latest.is_some()
+        let report = reader.receive().unwrap();
+        latency = report.map_or(latency, |report| report.since_start.sent_to_reported);
+        latency.n_frames > 0
     });
-    latest.unwrap()
+    latency
 }
 
 pub(crate) fn latency_line(latency: &Latency) -> String {

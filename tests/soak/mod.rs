@@ -25,7 +25,7 @@ use crate::robot::{MODEL, Robot, SENSOR, SIZE};
 use crate::running::await_that;
 
 use account::{Account, Happened};
-use measures::{Cpu, disk_bytes, latency_line, latest_health, percentiles};
+use measures::{Cpu, Held, held_table, latency_line, latest_latency, percentiles};
 use sluggard::Sluggard;
 use troubles::{BAD, CALM, NORMAL, OTHER, Troubles, choose};
 
@@ -71,12 +71,7 @@ fn soak_explains_every_frame_and_grows_nowhere() {
         duration_s: from_environment("SOAK_S", 20),
         troubles: Vec::new(),
     };
-    let robot = Robot::crunch();
-    robot.succeed(&[&["train", "drive.mcap", "--output", OTHER, "--seed", "1"][..], &SIZE].concat());
-    let model = robot.read(MODEL);
-    robot.write(BAD, &model[..model.len() - 1]);
-    let model_kb = model.len() as u64 / 1024;
-
+    let (robot, model_kb) = robot_with_models();
     let begun = Instant::now();
     let calm = Duration::from_secs((told.duration_s / 6).clamp(3, 120));
     let mut ordeal = Ordeal::begin(&robot, CALM, told.seed);
@@ -87,8 +82,8 @@ fn soak_explains_every_frame_and_grows_nowhere() {
     let cpu = Cpu::of(ordeal.running(Program::Service));
     std::thread::sleep(calm);
     let calm_share = cpu.share();
-    let calm_health = latest_health(&health);
-    let before = (ordeal.remains(), disk_bytes(&robot), ordeal.memory_kb());
+    let calm_latency = latest_latency(&health);
+    let before = Held::by(&ordeal, &robot);
 
     ordeal.publish_with(NORMAL);
     let mut troubles = Troubles::of(&robot);
@@ -101,83 +96,82 @@ fn soak_explains_every_frame_and_grows_nowhere() {
     ordeal.publish_with(&["--speed", CALM]);
     ordeal.await_all();
     std::thread::sleep(calm);
-    let last_health = latest_health(&health);
-    let after_kb = ordeal.memory_kb();
+    let last_latency = latest_latency(&health);
     // Who was killed last is cleaned up after by those who live, every few seconds.
-    await_that(|| {
-        let (before, after) = (before.0, ordeal.remains());
-        let n_files_more = LEFT_BY_A_BEGINNER.0 * troubles.n_killed_starting;
-        let n_bytes_more = LEFT_BY_A_BEGINNER.1 * troubles.n_killed_starting as u64;
-        after.0 <= before.0 + n_files_more
-            && after.1 <= before.1 + n_bytes_more
-            && after.2 <= before.2 + n_files_more
-    });
-    let after = (ordeal.remains(), disk_bytes(&robot), after_kb);
-
+    await_that(|| has_not_grown(&before, &Held::by(&ordeal, &robot), troubles.n_killed_starting));
+    let after = Held::by(&ordeal, &robot);
     ordeal.stop(Program::Shim);
-    let is_reported = |ordeal: &Ordeal| {
+    await_that(|| {
         let ledger = ordeal.ledger();
         ledger.frames.last().map(|frame| frame.id) == ledger.reports.last().map(|report| report.id)
-    };
-    await_that(|| is_reported(&ordeal));
-    let happened = Happened {
+    });
+    let ledger = ordeal.ledger();
+    let account = Account::of(&ledger, &happened(&ordeal, &troubles));
+    let (n_taken, n_not_taken) = sluggard.end();
+    drop(health);
+    for program in [Program::Recorder, Program::Consumer, Program::Service] {
+        ordeal.stop(program);
+    }
+
+    let n_kills: usize = ordeal.kills_ns.iter().map(Vec::len).sum();
+    eprintln!(
+        "soak of {} s, seed {}: {} troubles",
+        begun.elapsed().as_secs(),
+        told.seed,
+        told.troubles.len()
+    );
+    eprintln!(
+        "  {n_kills} kills, {} of them of programs that were only starting",
+        troubles.n_killed_starting
+    );
+    eprintln!("  {}", troubles.tally());
+    eprintln!("{account}");
+    eprintln!("  a consumer of one a second      {n_taken} reports taken, {n_not_taken} lost to it alone");
+    eprintln!("{}", held_table(&before, &after));
+    eprintln!("  model                           {model_kb} kB");
+    eprintln!("  most growth of one service      {} kB", troubles.growth_kb_max());
+    eprintln!("  the service's share of a core   {:.3} % at 5 Hz", 100.0 * calm_share);
+    eprintln!("  frame to report, µs                   p50     p90     p99   p99.9     max");
+    eprintln!("    at 5 Hz, before               {}", latency_line(&calm_latency));
+    eprintln!("    the last service              {}", latency_line(&last_latency));
+    eprintln!("    through all troubles          {}", percentiles(&ledger.reports));
+    eprintln!(
+        "  until all were well again       {:.2} s at the longest",
+        ordeal.longest_return.as_secs_f64()
+    );
+
+    account.check();
+    assert_eq!(after.disk_bytes, before.disk_bytes);
+    let growth_kb = after.memory_kb.saturating_sub(before.memory_kb).max(troubles.growth_kb_max());
+    assert!(growth_kb <= GROWTH_KB_MAX, "the service grew by {growth_kb} kB");
+    let most_kb = after.memory_kb.max(before.memory_kb);
+    assert!(most_kb <= model_kb + BESIDE_MODEL_KB_MAX, "the service holds {most_kb} kB");
+    let left = robot.shared_memory();
+    assert!(left.len() <= LEFT_BY_A_BEGINNER.0 * troubles.n_killed_starting, "{left:?}");
+}
+
+/// A robot with a model, another one and a bad one, and how large the first is.
+fn robot_with_models() -> (Robot, u64) {
+    let robot = Robot::crunch();
+    robot.succeed(&[&["train", "drive.mcap", "--output", OTHER, "--seed", "1"][..], &SIZE].concat());
+    let model = robot.read(MODEL);
+    robot.write(BAD, &model[..model.len() - 1]);
+    (robot, model.len() as u64 / 1024)
+}
+
+/// Whether there is no more in shared memory and in the domain's folder than before, but for what so many programs may have
+/// left that were killed while they started.
+fn has_not_grown(before: &Held, after: &Held, n_killed_starting: usize) -> bool {
+    let (n_files, n_bytes) = LEFT_BY_A_BEGINNER;
+    after.n_shared_files <= before.n_shared_files + n_files * n_killed_starting
+        && after.shared_bytes <= before.shared_bytes + n_bytes * n_killed_starting as u64
+        && after.n_domain_files <= before.n_domain_files + n_files * n_killed_starting
+}
+
+fn happened(ordeal: &Ordeal, troubles: &Troubles) -> Happened {
+    Happened {
         shim_killed_ns: ordeal.kills_ns[Program::Shim as usize].clone(),
         service_killed_ns: ordeal.kills_ns[Program::Service as usize].clone(),
         service_still_ns: troubles.service_still_ns.clone(),
-    };
-    let ledger = ordeal.ledger();
-    let account = Account::of(&ledger, &happened);
-    let n_kills: usize = ordeal.kills_ns.iter().map(Vec::len).sum();
-    let longest_return = ordeal.longest_return;
-    let (n_taken, n_sluggard_lost) = sluggard.end();
-    drop(health);
-    ordeal.start(Program::Shim);
-    ordeal.end();
-
-    let ((shared_before, disk_before, before_kb), (shared_after, disk_after, after_kb)) = (before, after);
-    eprintln!(
-        "soak of {} s, seed {}: {} troubles, {n_kills} kills, {} of them of programs that were only starting",
-        begun.elapsed().as_secs(),
-        told.seed,
-        told.troubles.len(),
-        troubles.n_killed_starting
-    );
-    eprintln!("{}", troubles.tally());
-    eprintln!("{account}");
-    eprintln!(
-        "  a consumer of one a second      {n_taken} reports taken, {n_sluggard_lost} lost to it alone"
-    );
-    eprintln!(
-        "  memory of the service           {before_kb} kB before, {after_kb} kB after; most growth in one life {} kB; model {model_kb} kB",
-        troubles.growth_kb_max()
-    );
-    eprintln!(
-        "  /dev/shm                        {} files, {} bytes before; {} files, {} bytes after",
-        shared_before.0, shared_before.1, shared_after.0, shared_after.1
-    );
-    eprintln!("  files of the domain             {} before, {} after", shared_before.2, shared_after.2);
-    eprintln!("  disk, without recordings        {disk_before} bytes before, {disk_after} after");
-    eprintln!("  the service's share of a core   {:.3} % at 5 Hz", 100.0 * calm_share);
-    eprintln!("  frame to report                       p50     p90     p99   p99.9     max");
-    eprintln!(
-        "    at 5 Hz, before, µs           {}",
-        latency_line(&calm_health.since_start.sent_to_reported)
-    );
-    eprintln!(
-        "    the last service, µs          {}",
-        latency_line(&last_health.since_start.sent_to_reported)
-    );
-    eprintln!("    through all troubles, µs      {}", percentiles(&ledger.reports));
-    eprintln!("  longest until all were well again   {:.2} s", longest_return.as_secs_f64());
-
-    account.check();
-    assert_eq!(disk_after, disk_before);
-    assert!(
-        after_kb <= before_kb + GROWTH_KB_MAX,
-        "the last service holds {after_kb} kB, the first held {before_kb}"
-    );
-    assert!(troubles.growth_kb_max() <= GROWTH_KB_MAX, "a service grew by {} kB", troubles.growth_kb_max());
-    assert!(before_kb.max(after_kb) <= model_kb + BESIDE_MODEL_KB_MAX, "{before_kb} kB, {after_kb} kB");
-    let n_left = robot.shared_memory().len();
-    assert!(n_left <= LEFT_BY_A_BEGINNER.0 * troubles.n_killed_starting, "{:?}", robot.shared_memory());
+    }
 }

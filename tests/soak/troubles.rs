@@ -160,7 +160,7 @@ impl<'a> Troubles<'a> {
     /// How often each was done.
     pub(crate) fn tally(&self) -> String {
         let done: Vec<_> = self.n_done.iter().map(|(trouble, n)| format!("{n} {trouble:?}")).collect();
-        format!("  {}", done.join(", "))
+        done.join(", ")
     }
 }
 
