@@ -187,7 +187,10 @@ fn a_consumer_that_stands_still_is_noticed_by_nobody_and_says_how_many_reports_i
     assert_eq!(shim.end().code, Some(0));
     watch.signal(Signal::CONT);
     watch.await_out("{\"sequence\":599,");
-    let lost = watch.err().into_iter().find(|line| line.contains(" reports lost: ")).unwrap();
+    // Said before that line, but on another stream.
+    let lost = || watch.err().into_iter().find(|line| line.contains(" reports lost: "));
+    await_that(|| lost().is_some());
+    let lost = lost().unwrap();
     let n_lost: usize = lost.split(' ').nth(1).unwrap().parse().unwrap();
     assert_eq!(watch.stop(Signal::TERM).lines().count() + n_lost, n_frames);
     assert!(service.stop(Signal::TERM).contains("served 600 frames: 600 classified"));
