@@ -27,6 +27,8 @@ mod robot;
 mod running;
 mod serve;
 mod simulated;
+#[path = "../soak/mod.rs"]
+mod soak;
 mod train;
 mod train_report;
 mod watch;

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::process::{ChildStdout, Command, Stdio};
 
 use kinds_messages::{Domain, FrameReader, Node, OwnDomain};
+use rustix::process::Signal;
 use rustix::thread::{CapabilitySet, remove_capability_from_bounding_set};
 
 use crate::consumer::Consumer;
@@ -43,6 +44,19 @@ impl Robot {
         Trip::FIRST.write(&robot.path(FIRST));
         Trip::SECOND.write(&robot.path(SECOND));
         robot.succeed(&[&["train", FIRST, "--output", MODEL][..], &SIZE].concat());
+        robot
+    }
+
+    /// One with a model of the simulated Crunch's sensor, [`MODEL`], learnt from its own trip.
+    pub(crate) fn crunch() -> Self {
+        const DRIVE: &str = "drive.mcap";
+        let robot = Self::new();
+        let recorder = robot.start(&["record", "--sensor", SENSOR, "--output", DRIVE, "--count", "300"]);
+        recorder.await_err("kinds: waiting for a driver shim to publish crunch/ring");
+        let shim = robot.start(&["publish", "--simulate", "crunch", "--sensor", SENSOR, "--speed", "100"]);
+        assert_eq!(recorder.end().code, Some(0));
+        shim.stop(Signal::TERM);
+        robot.succeed(&[&["train", DRIVE, "--output", MODEL][..], &SIZE].concat());
         robot
     }
 
