@@ -10,21 +10,20 @@ mod cli;
 mod commands;
 mod csv;
 mod failure;
-mod locked_memory;
+mod log;
 mod model_file;
 mod owner;
 mod progress;
+mod realtime;
 mod report_folder;
 mod say;
 mod stop;
 mod trip_file;
 mod whole_file;
 
-use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::Parser;
-use tracing_subscriber::EnvFilter;
 
 use crate::cli::{Cli, Verb};
 use crate::failure::Failure;
@@ -32,13 +31,13 @@ use crate::failure::Failure;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     // A replay runs its service here: what that would tell the person who started it is of no interest.
-    start_log(if matches!(cli.verb, Verb::Replay(_)) { "warn" } else { "info" });
+    log::start(cli.log_format, if matches!(cli.verb, Verb::Replay(_)) { "warn" } else { "info" });
     match run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read our output has seen enough.
         Err(Failure::OutputClosed) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("kinds: {failure}");
+            log::failure(&failure);
             failure.exit_code()
         }
     }
@@ -59,16 +58,4 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Replay(arguments) => commands::replay::run(&arguments),
         Verb::Doctor(arguments) => commands::doctor::run(&arguments),
     }
-}
-
-/// Logs go to standard error; the environment variable `KINDS_LOG` says which (as in `KINDS_LOG=debug`).
-fn start_log(usual: &str) {
-    let filter = EnvFilter::try_from_env("KINDS_LOG").unwrap_or_else(|_| EnvFilter::new(usual));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .without_time()
-        .with_target(false)
-        .with_ansi(std::io::stderr().is_terminal())
-        .init();
 }

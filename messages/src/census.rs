@@ -122,6 +122,28 @@ impl Domain {
     /// # Errors
     /// If the domain is no place for channels, or another user's.
     pub fn census(&self, visitor: &str) -> Result<Census, ChannelError> {
+        let (mut census, members) = self.count()?;
+        // Who has which end is told to members only.
+        let has_channels = !census.channels.is_empty();
+        if let Some(node) = has_channels.then(|| Node::visit(self, visitor).ok()).flatten() {
+            for channel in census.channels.iter_mut().filter(|channel| channel.differences.is_empty()) {
+                channel.find_roles(&node, &members);
+            }
+        }
+        Ok(census)
+    }
+
+    /// The same without asking who publishes and who reads, which are none here: for whoever looks again and again. Joins
+    /// nothing and opens no channel.
+    ///
+    /// # Errors
+    /// If the domain is no place for channels, or another user's.
+    pub fn roll_call(&self) -> Result<Census, ChannelError> {
+        self.count().map(|(census, _)| census)
+    }
+
+    /// All but who has which end.
+    fn count(&self) -> Result<(Census, Vec<Member>), ChannelError> {
         let config = self.config()?;
         let unlisted = |reason: &dyn Debug| ChannelError::Node {
             root: self.root.clone(),
@@ -133,48 +155,10 @@ impl Domain {
             CallbackProgression::Continue
         });
         listed.map_err(|error| unlisted(&error))?;
-        let (channels, n_services) =
-            self.channels(visitor, &config, &members).map_err(|error| unlisted(&error))?;
-        let programs = members.into_iter().map(|member| member.program).collect();
+        let (channels, n_services) = channels(&config).map_err(|error| unlisted(&error))?;
+        let programs = members.iter().map(|member| member.program.clone()).collect();
         let n_unreadable = self.n_service_files().saturating_sub(n_services);
-        Ok(Census { programs, channels, n_unreadable })
-    }
-
-    /// Channels of sensors, and how many services there are in all.
-    fn channels(
-        &self,
-        visitor: &str,
-        config: &Config,
-        members: &[Member],
-    ) -> Result<(Vec<FoundChannel>, usize), ServiceListError> {
-        let (mut found, mut n_services) = (Vec::new(), 0);
-        let listed = ipc::Service::list(config, |service| {
-            n_services += 1;
-            let details = &service.static_details;
-            if let MessagingPattern::PublishSubscribe(layout) = details.messaging_pattern()
-                && let Some((sensor, purpose)) = Purpose::parse(details.name().as_str())
-            {
-                let nodes = service.dynamic_details.map_or(Vec::new(), |details| details.nodes);
-                found.push(FoundChannel {
-                    sensor,
-                    purpose,
-                    differences: differences(layout, purpose),
-                    programs: nodes.iter().map(|state| Member::of(state).program).collect(),
-                    publisher: None,
-                    readers: Vec::new(),
-                });
-            }
-            CallbackProgression::Continue
-        });
-        listed?;
-        found.sort_by(|a, b| (&a.sensor, a.purpose).cmp(&(&b.sensor, b.purpose)));
-        // Who has which end is told to members only.
-        if let Some(node) = (!found.is_empty()).then(|| Node::visit(self, visitor).ok()).flatten() {
-            for channel in found.iter_mut().filter(|channel| channel.differences.is_empty()) {
-                channel.find_roles(&node, members);
-            }
-        }
-        Ok((found, n_services))
+        Ok((Census { programs, channels, n_unreadable }, members))
     }
 
     /// Files that stand for a service each.
@@ -183,6 +167,32 @@ impl Domain {
         let is_service = |name: &str| name.starts_with(&self.prefix) && name.ends_with(".service");
         files.filter(|file| is_service(&file.file_name().to_string_lossy())).count()
     }
+}
+
+/// Channels of sensors, and how many services there are in all.
+fn channels(config: &Config) -> Result<(Vec<FoundChannel>, usize), ServiceListError> {
+    let (mut found, mut n_services) = (Vec::new(), 0);
+    let listed = ipc::Service::list(config, |service| {
+        n_services += 1;
+        let details = &service.static_details;
+        if let MessagingPattern::PublishSubscribe(layout) = details.messaging_pattern()
+            && let Some((sensor, purpose)) = Purpose::parse(details.name().as_str())
+        {
+            let nodes = service.dynamic_details.map_or(Vec::new(), |details| details.nodes);
+            found.push(FoundChannel {
+                sensor,
+                purpose,
+                differences: differences(layout, purpose),
+                programs: nodes.iter().map(|state| Member::of(state).program).collect(),
+                publisher: None,
+                readers: Vec::new(),
+            });
+        }
+        CallbackProgression::Continue
+    });
+    listed?;
+    found.sort_by(|a, b| (&a.sensor, a.purpose).cmp(&(&b.sensor, b.purpose)));
+    Ok((found, n_services))
 }
 
 /// A program, and the number that the transport gave it.
@@ -339,6 +349,13 @@ mod tests {
         assert_eq!(kinds.publisher.as_ref().unwrap().program, program("service"));
         assert_eq!(kinds.readers, []);
         assert_eq!(names(&frames.programs), ["service", "shim"]);
+
+        let roll = domain.roll_call().unwrap();
+        let mut without_roles = census.clone();
+        for channel in &mut without_roles.channels {
+            (channel.publisher, channel.readers) = (None, Vec::new());
+        }
+        assert_eq!((names(&roll.programs), roll.channels), (names(&census.programs), without_roles.channels));
     }
 
     #[test]

@@ -43,6 +43,9 @@ pub struct StageLatencies {
 
 /// Counters and latencies of one service since it started, and over the last interval, which is about a second.
 ///
+/// Reports that a slow reader lost are not among them: where a reader's buffer is full the transport drops its oldest, and
+/// tells nobody. The reader knows, by gaps in the reports' sequence beyond what they say was lost before.
+///
 /// Only integers and floats, no padding; offsets are asserted below.
 #[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
 #[repr(C)]

@@ -1,10 +1,17 @@
 //! This process as a member of a domain.
 
+use std::fs::File;
+use std::io::Write as _;
+use std::os::fd::AsRawFd as _;
 use std::path::PathBuf;
 use std::rc::Rc;
+use std::sync::Once;
 
 use iceoryx2::config::Config;
-use iceoryx2::prelude::{LogLevel, NodeBuilder, NodeName, SignalHandlingMode, ipc, set_log_level};
+use iceoryx2::prelude::{
+    FilePath, LogLevel, NodeBuilder, NodeName, SemanticString as _, SignalHandlingMode, ipc, set_log_level,
+};
+use rustix::fs::{MemfdFlags, memfd_create};
 use tracing::level_filters::LevelFilter;
 
 use crate::{ChannelError, Domain};
@@ -43,6 +50,7 @@ impl Node {
             limit: NodeName::max_len(),
         })?;
         set_log_level(log_level());
+        tell_transport(domain);
         let inner = NodeBuilder::new()
             .name(&name)
             .config(config)
@@ -59,6 +67,33 @@ impl Node {
     pub fn clean_up_dead_nodes(&self) -> u64 {
         self.inner.try_cleanup_dead_nodes().cleanups
     }
+}
+
+/// Makes the first domain that this process joins the transport's default.
+///
+/// iceoryx2 0.10.0 removes what a killed node left by the configuration in the node's own file, and once that is gone, by the
+/// default one: what is left where a program was killed while it removed another's remains would stay for good elsewhere,
+/// and keep places in the channels taken. The default can only come from a file, so it is one without a place on a disk.
+fn tell_transport(domain: &Domain) {
+    static TOLD: Once = Once::new();
+    TOLD.call_once(|| {
+        if let Err(reason) = try_tell_transport(domain) {
+            tracing::debug!("what a killed program was removing will stay: {reason}");
+        }
+    });
+}
+
+fn try_tell_transport(domain: &Domain) -> Result<(), String> {
+    let root =
+        domain.root.to_str().filter(|root| !root.contains('\'')).ok_or("the root's name cannot be quoted")?;
+    let text = format!("[global]\nroot-path = '{root}'\nprefix = '{}'\n", domain.prefix);
+    let file = memfd_create("domain", MemfdFlags::CLOEXEC).map_err(|error| error.to_string())?;
+    let mut file = File::from(file);
+    file.write_all(text.as_bytes()).map_err(|error| error.to_string())?;
+    let path = format!("/proc/self/fd/{}", file.as_raw_fd());
+    let path = FilePath::new(path.as_bytes()).map_err(|error| format!("{error:?}"))?;
+    Config::setup_global_config_from_file(&path).map_err(|error| format!("{error:?}"))?;
+    Ok(())
 }
 
 /// The transport warns of its own affairs in its own words, which belong in nobody's terminal: errors pass, the rest is

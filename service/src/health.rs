@@ -280,4 +280,28 @@ mod tests {
         assert_eq!((said.last_kind, said.last_probability, said.last_novelty), (1, 0.75, 0.5));
         assert!(said.has_shim() && said.model_id == [7; 16]);
     }
+
+    #[test]
+    #[ignore = "prints a time"]
+    #[allow(clippy::print_stdout, reason = "it is there to print")]
+    fn what_counting_a_frame_costs() {
+        let reports: Vec<KindReport> = (0..1000)
+            .map(|index| report(1, index, 1000 * index, [index * 7 % 100, index * 13 % 400]))
+            .collect();
+        let mut health = Health::new();
+        let mut rounds: Vec<[u128; 2]> = Vec::new();
+        for _ in 0..101 {
+            let start = Instant::now();
+            reports.iter().for_each(|report| health.count(std::hint::black_box(report), false));
+            let counted = start.elapsed();
+            std::hint::black_box(end_interval(&mut health));
+            rounds.push([counted.as_nanos() / 1000, (start.elapsed() - counted).as_nanos()]);
+        }
+        let median = |index: usize| {
+            let mut times: Vec<u128> = rounds.iter().map(|round| round[index]).collect();
+            times.sort_unstable();
+            times[times.len() / 2]
+        };
+        println!("a frame {} ns, the end of a second {} ns", median(0), median(1));
+    }
 }

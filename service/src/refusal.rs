@@ -72,7 +72,7 @@ impl Refusals {
         let now = Some((run, refusal));
         let is_news = self.last != now;
         if is_news {
-            tracing::warn!(%sensor, "{refusal}");
+            tracing::warn!(%sensor, condition = "refused", "{refusal}");
             self.last = now;
         }
         is_news

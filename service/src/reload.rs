@@ -182,9 +182,9 @@ impl<C> Reloads<C> {
         };
         if is_taken {
             self.path = path;
-            tracing::info!("{words}");
+            tracing::info!(%sensor, "{words}");
         } else {
-            tracing::warn!("{words}");
+            tracing::warn!(%sensor, "{words}");
         }
         if let Some(id) = request
             && let Err(error) = self.desk.answer(&ReloadAnswer::new(id, is_taken, &words))

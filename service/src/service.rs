@@ -140,7 +140,7 @@ impl<C: Classify> Service<C> {
     /// Sees the flag after 50 ms at most, or at once when a signal sets it or when it polls. Returns what was done since the start.
     pub fn run(&mut self, stop: &AtomicBool) -> Result<Summary, ChannelError> {
         if !self.shim_is_there {
-            tracing::info!(sensor = %self.sensor, "waiting for a driver shim to publish this sensor");
+            tracing::info!(sensor = %self.sensor, condition = "no shim", "waiting for a driver shim to publish this sensor");
         }
         let mut last_tick = Instant::now();
         let mut n_turns = 0_u32;
@@ -170,7 +170,7 @@ impl<C: Classify> Service<C> {
     /// All that is not for a frame.
     fn tick(&mut self) -> Result<(), ChannelError> {
         if self.last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
-            self.health.count_lost_peers(self.node.clean_up_dead_nodes());
+            self.clean_up();
             self.last_clean_up = Instant::now();
         }
         self.reports.update()?;
@@ -178,14 +178,23 @@ impl<C: Classify> Service<C> {
         self.look_for_shim();
         self.look_for_model();
         if self.health.is_due() {
-            self.conditions.tell(&self.summary);
             self.tell_health()?;
         }
         Ok(())
     }
 
+    /// Removes what killed programs left, and says so: each time, since it never ends.
+    fn clean_up(&mut self) {
+        let n_peers = self.node.clean_up_dead_nodes();
+        if n_peers > 0 {
+            self.health.count_lost_peers(n_peers);
+            tracing::info!(sensor = %self.sensor, n_peers, "cleaned up after programs that were killed");
+        }
+    }
+
     fn tell_health(&mut self) -> Result<(), ChannelError> {
         let health = self.health.end_interval(&self.summary, self.report.model_id, self.shim_is_there);
+        self.conditions.tell(health);
         if let Some(listener) = &mut self.listener {
             listener(health);
         }
@@ -225,7 +234,7 @@ impl<C: Classify> Service<C> {
         if is_uncommanded && classification.status == Status::Classified {
             self.summary.n_uncommanded += 1;
             if self.uncommanded_run.replace(header.run) != Some(header.run) {
-                tracing::warn!(sensor = %self.sensor, "{UNCOMMANDED}");
+                tracing::warn!(sensor = %self.sensor, condition = "uncommanded", "{UNCOMMANDED}");
             }
         }
         let report = &mut self.report;
@@ -262,9 +271,9 @@ impl<C: Classify> Service<C> {
             self.shim_is_there = is_there;
             let sensor = &self.sensor;
             if is_there {
-                tracing::info!(%sensor, "a driver shim publishes this sensor");
+                tracing::info!(%sensor, condition = "no shim", "a driver shim publishes this sensor");
             } else {
-                tracing::info!(%sensor, "the driver shim is gone; waiting for another to publish this sensor");
+                tracing::info!(%sensor, condition = "no shim", "the driver shim is gone; waiting for another to publish this sensor");
             }
         }
     }

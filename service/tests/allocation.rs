@@ -6,12 +6,13 @@
 mod waves;
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use kinds_messages::{
-    FrameHeader, FramePublisher, FrameReader, Node, OwnDomain, ReportReader, ReportStatus, Waiting, WakeUp,
+    FrameHeader, FramePublisher, FrameReader, HealthPublisher, HealthReader, Node, OwnDomain,
+    ReportPublisher, ReportReader, ReportStatus, Waiting, WakeUp,
 };
 use kinds_model::{
     Classification, Classifier, Command, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan,
@@ -75,11 +76,22 @@ impl Taken {
     }
 
     fn since(earlier: Self) -> Self {
-        let now = Self::so_far();
+        Self::so_far().less(earlier)
+    }
+
+    fn times(self, n: usize) -> Self {
         Self {
-            n_allocated: now.n_allocated - earlier.n_allocated,
-            bytes_allocated: now.bytes_allocated - earlier.bytes_allocated,
-            bytes_freed: now.bytes_freed - earlier.bytes_freed,
+            n_allocated: n * self.n_allocated,
+            bytes_allocated: n * self.bytes_allocated,
+            bytes_freed: n * self.bytes_freed,
+        }
+    }
+
+    fn less(self, earlier: Self) -> Self {
+        Self {
+            n_allocated: self.n_allocated - earlier.n_allocated,
+            bytes_allocated: self.bytes_allocated - earlier.bytes_allocated,
+            bytes_freed: self.bytes_freed - earlier.bytes_freed,
         }
     }
 }
@@ -147,6 +159,60 @@ fn a_frame_takes_no_memory_but_the_transports_loan_of_the_next_report() {
             check(sensor, waiting);
         }
     }
+    check_health();
+}
+
+/// Working out how the service fares takes no memory, saying it the transport's loan. What is taken beside that is the
+/// transport's: twenty times a second to connect readers that came, and every other second to clean up after killed programs.
+fn check_health() {
+    const N_SECONDS: usize = 5;
+    let domain = OwnDomain::make().unwrap();
+    let node = Node::open(&domain, "test").unwrap();
+    let name = "crunch/ring".parse().unwrap();
+    let sensor = SensorLayout { rows: 1, columns: 16, metres_per_count: 0.001 };
+    let mut service = Service::start_with(&node, &name, classifier(sensor), Waiting::Polling).unwrap();
+    let shim = FramePublisher::create(&node, &name, sensor.n_readings()).unwrap();
+    let reader = HealthReader::open(&node, &name).unwrap();
+    // Set when health is worked out and not yet said.
+    let told = Arc::new((AtomicBool::new(false), Mutex::new(NOTHING)));
+    let listener = Arc::clone(&told);
+    service.listen_to_health(move |_| {
+        *listener.1.lock().unwrap() = Taken::so_far();
+        listener.0.store(true, Ordering::Relaxed);
+    });
+    let mut workings = Vec::new();
+    let trip = trip(sensor, N_FRAMES);
+    for (sequence, counts) in (0..).zip(trip.chunks_exact(sensor.n_readings())).take(N_SECONDS) {
+        let SensorLayout { rows, columns, metres_per_count } = sensor;
+        let header =
+            FrameHeader { run: 7, sequence, rows, columns, metres_per_count, ..FrameHeader::default() };
+        let mut loan = shim.loan().unwrap();
+        loan.counts_mut().copy_from_slice(counts);
+        loan.send(&header).unwrap();
+        service.run(&AtomicBool::new(true)).unwrap();
+        told.0.store(false, Ordering::Relaxed);
+        let before = Taken::so_far();
+        service.run(&told.0).unwrap();
+        let after = Taken::so_far();
+        let worked_out = *told.1.lock().unwrap();
+        assert_eq!(reader.receive().unwrap().unwrap().n_classified, sequence + 1);
+        // The first seconds connect publishers and readers.
+        if sequence >= 2 {
+            workings.push(worked_out.less(before));
+            assert_eq!(after.less(worked_out), A_LOAN, "second {sequence}");
+        }
+    }
+    let look = {
+        let other = "crunch/other".parse().unwrap();
+        let reports = ReportPublisher::create(&node, &other).unwrap();
+        let health_reports = HealthPublisher::create(&node, &other).unwrap();
+        let before = Taken::so_far();
+        reports.update().unwrap();
+        health_reports.update().unwrap();
+        Taken::since(before)
+    };
+    let is_looks_alone = |taken: &Taken| *taken == look.times(taken.n_allocated / look.n_allocated);
+    assert!(workings.iter().any(is_looks_alone), "{workings:?}, and {look:?} to look for readers once");
 }
 
 fn check(sensor: SensorLayout, waiting: Waiting) {

@@ -16,6 +16,7 @@ use kinds_trips::Selection;
 
 pub(crate) use self::evaluate::EvaluateArguments;
 pub(crate) use self::train::TrainArguments;
+use crate::log::Format;
 use crate::owner::Joined;
 
 /// Tells a robot, in microseconds and without labels, what kind of place its raw sensors are in.
@@ -30,6 +31,9 @@ use crate::owner::Joined;
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) verb: Verb,
+    /// How to write what is told on standard error
+    #[arg(long, global = true, value_enum, default_value_t = Format::Text, env = "KINDS_LOG_FORMAT", value_name = "FORMAT")]
+    pub(crate) log_format: Format,
 }
 
 /// Where the robot's programs meet.
@@ -178,6 +182,10 @@ pub(crate) struct ServeArguments {
     /// for long may be paged out, and the next frame waits for it
     #[arg(long)]
     pub(crate) lock_memory: bool,
+    /// Processors, priority and memory to ask the system for, in a file such as
+    /// (cpus: [2, 3], priority: 50, lock_memory: true): what is not allowed is told, and served without
+    #[arg(long, value_name = "FILE.ron")]
+    pub(crate) realtime: Option<PathBuf>,
     /// Serve counters and latencies to Prometheus at http://ADDR/metrics, such as 127.0.0.1:9184
     #[arg(long, value_name = "ADDR")]
     pub(crate) metrics: Option<SocketAddr>,

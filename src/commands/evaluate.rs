@@ -17,7 +17,7 @@ use crate::cli::EvaluateArguments;
 use crate::failure::Failure;
 use crate::progress::StepBar;
 use crate::say::{mention, say};
-use crate::{model_file, report_folder, whole_file};
+use crate::{log, model_file, report_folder, whole_file};
 
 /// What `evaluate --json` prints.
 #[derive(Serialize)]
@@ -43,7 +43,7 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
         segmentation.compare(&trips, n_kinds)
     });
     for remark in &evaluation.not_compared {
-        eprintln!("kinds: {remark}");
+        log::notice(remark);
     }
     let uses = Uses::of(&evaluation.trips, n_kinds, &map_plan, arguments.plan().seed);
     if let Some(path) = &arguments.policy {
@@ -220,7 +220,7 @@ fn read_trip(
 ) -> Result<LoadedTrip, Failure> {
     let trip = load(path, selection, &mut |stage, done, all| bar.show(stage, done, all))?;
     if let Some(remark) = &trip.survey.truncation {
-        eprintln!("kinds: {remark}");
+        log::notice(remark);
     }
     if model.commands().is_some() {
         trip.survey.require_commands()?;

@@ -12,7 +12,7 @@ use kinds_trips::TripReader;
 use crate::cli::{PublishArguments, RobotName};
 use crate::failure::Failure;
 use crate::say::mention;
-use crate::stop;
+use crate::{log, stop};
 
 pub(crate) fn run(arguments: &PublishArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
@@ -101,9 +101,9 @@ fn publish_device<S: Sensor>(
         pace => pace.flow(),
     };
     let mut shim = Shim::new(&node, sensor, device, flow)?;
-    let summary = shim.run(stop, &mut |notice| eprintln!("kinds: {notice}"))?;
+    let summary = shim.run(stop, &mut |notice| log::notice(notice))?;
     for remark in remarks(shim.device()) {
-        eprintln!("kinds: {remark}");
+        log::notice(remark);
     }
     let (n_frames, duration_s) = (summary.n_frames, summary.duration.as_secs_f64());
     mention(format!("published {n_frames} frames of {sensor} in {duration_s:.1} s"))?;

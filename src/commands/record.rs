@@ -11,8 +11,8 @@ use kinds_trips::{FrameLayout, Stamp, TripWriteError};
 use crate::cli::RecordArguments;
 use crate::failure::Failure;
 use crate::say::mention;
-use crate::stop;
 use crate::trip_file::TripFile;
+use crate::{log, stop};
 
 /// Longest time between two looks at the stop flag.
 const TICK: Duration = Duration::from_millis(50);
@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     let reports = ReportReader::open(&node, sensor)?;
     let frames = FrameReader::open(&node, sensor)?;
     if !frames.is_published() {
-        eprintln!("kinds: waiting for a driver shim to publish {sensor}");
+        log::notice(format!("waiting for a driver shim to publish {sensor}"));
     }
     let n_frames_max = arguments.count.unwrap_or(u64::MAX);
     let (mut last_flush, mut last_clean_up) = (Instant::now(), Instant::now());
@@ -90,6 +90,8 @@ struct Recording {
     n_reports: u64,
     n_lost: u64,
     layout: Option<FrameLayout>,
+    /// The last run of which it was said that frames contradict themselves.
+    refused_run: Option<u64>,
     /// Of the last frame: its run, and its number in it.
     last_frame: Option<(u64, u64)>,
     last_report: Option<(u64, u64)>,
@@ -105,6 +107,7 @@ impl Recording {
             n_reports: 0,
             n_lost: 0,
             layout: None,
+            refused_run: None,
             last_frame: None,
             last_report: None,
             last_written: Instant::now(),
@@ -114,8 +117,19 @@ impl Recording {
     fn add_frame(&mut self, frame: &Frame) -> Result<(), Failure> {
         let header = frame.header();
         let layout = layout_of(header);
+        let n_readings = frame.counts().len();
+        if layout.n_readings() != n_readings {
+            // One bad frame must not cost the whole trip. It is counted among the lost, as a gap.
+            if self.refused_run.replace(header.run) != Some(header.run) {
+                eprintln!(
+                    "kinds: frames that have {n_readings} readings but say {} × {} are left out; their driver shim is at fault",
+                    layout.rows, layout.columns
+                );
+            }
+            return Ok(());
+        }
         let expected = *self.layout.get_or_insert(layout);
-        if layout != expected || layout.n_readings() != frame.counts().len() {
+        if layout != expected {
             return Err(Failure::CouldNot(format!(
                 "cannot record frames of {layout} after frames of {expected}: one trip is of one sensor"
             )));

@@ -9,7 +9,7 @@ use kinds_messages::{Node, ReloadAnswer, ReloadAsker};
 use crate::cli::ReloadArguments;
 use crate::failure::Failure;
 use crate::say::mention;
-use crate::stop;
+use crate::{log, stop};
 
 /// How long an answer is waited for: the largest models are read in seconds.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -67,7 +67,7 @@ fn ask(arguments: &ReloadArguments, path: Option<&Path>) -> Result<ReloadAnswer,
         } else {
             std::thread::sleep(LOOK);
             if !is_said && start.elapsed() > SILENCE {
-                eprintln!("kinds: waiting for the service of {sensor} to answer");
+                log::notice(format!("waiting for the service of {sensor} to answer"));
                 is_said = true;
             }
             if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {

@@ -8,17 +8,20 @@ use std::sync::Arc;
 use kinds_messages::{Node, Waiting};
 use kinds_model::Classifier;
 use kinds_service::{Service, Summary};
+use rustix::thread::CpuSet;
 
 use crate::cli::ServeArguments;
 use crate::commands::serve::metrics::Metrics;
 use crate::failure::Failure;
 use crate::model_file::ModelFailure;
+use crate::realtime::{self, Realtime};
 use crate::say::mention;
-use crate::{locked_memory, model_file, stop};
+use crate::{model_file, stop};
 
 pub(crate) fn run(arguments: &ServeArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
     let reload = stop::reload_on_signal()?;
+    let realtime = realtime(arguments)?;
     let classifier = open_ready(&arguments.model)?;
     let model = classifier.model();
     let mut serving = format!(
@@ -32,22 +35,36 @@ pub(crate) fn run(arguments: &ServeArguments) -> Result<(), Failure> {
     let node = Node::open(&domain, "kinds-serve")?;
     let waiting = if arguments.busy_poll { Waiting::Polling } else { Waiting::ByEvent };
     let mut service = Service::start_with(&node, &arguments.sensor, classifier, waiting)?;
-    let lock_memory = arguments.lock_memory;
-    let open = Arc::new(move |path: &Path| open_beside(path, lock_memory));
+    // Where other threads are to run, whatever this one asks for.
+    let processors = realtime::processors();
+    let beside = realtime.clone();
+    let open = Arc::new(move |path: &Path| open_beside(path, &beside, processors));
     let path = std::path::absolute(&arguments.model)
         .map_err(|error| Failure::file("find model", &arguments.model, &error))?;
     service.accept_reloads(&path, open, reload)?;
     let metrics = arguments.metrics.map(|address| Metrics::listen(address, &arguments.sensor)).transpose()?;
     // When all is mapped that can be before a driver shim comes, and nothing that frames do not need.
-    if lock_memory {
-        serving += if lock() { "; memory is locked" } else { "; memory is not locked" };
-    }
+    serving += &realtime.apply();
     if let Some(metrics) = metrics {
         serving += &format!("; metrics at http://{}/metrics", metrics.address());
-        service.listen_to_health(metrics.start());
+        service.listen_to_health(metrics.start(processors));
     }
     mention(serving)?;
     say_summary(&service.run(&stop)?)
+}
+
+/// What is asked of the system, by file and flag.
+fn realtime(arguments: &ServeArguments) -> Result<Realtime, Failure> {
+    let mut realtime = Realtime::default();
+    if let Some(path) = &arguments.realtime {
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| Failure::file("read real-time settings", path, &error))?;
+        realtime = Realtime::from_ron(&text).map_err(|error| {
+            Failure::AskedWrongly(format!("real-time settings {}: {error}", path.display()))
+        })?;
+    }
+    realtime.lock_memory |= arguments.lock_memory;
+    Ok(realtime)
 }
 
 /// Opens a model, warm for the first frame.
@@ -57,22 +74,12 @@ fn open_ready(path: &Path) -> Result<Classifier, ModelFailure> {
     Ok(classifier)
 }
 
-/// The same while another model is served.
-fn open_beside(path: &Path, lock_memory: bool) -> Result<Classifier, String> {
+/// The same on another thread while a model is served.
+fn open_beside(path: &Path, realtime: &Realtime, processors: Option<CpuSet>) -> Result<Classifier, String> {
+    realtime::return_to(processors);
     let classifier = open_ready(path).map_err(|failure| failure.to_string())?;
-    if lock_memory {
-        lock();
-    }
+    realtime.lock_what_came();
     Ok(classifier)
-}
-
-/// Locks all memory, or says why not. Returns whether it is locked.
-fn lock() -> bool {
-    let locked = locked_memory::lock();
-    if let Err(not_locked) = &locked {
-        tracing::warn!("{not_locked}");
-    }
-    locked.is_ok()
 }
 
 fn say_summary(summary: &Summary) -> Result<(), Failure> {

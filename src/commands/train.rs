@@ -18,7 +18,7 @@ use crate::cli::TrainArguments;
 use crate::failure::Failure;
 use crate::progress::StepBar;
 use crate::say::mention;
-use crate::{model_file, report_folder};
+use crate::{log, model_file, report_folder};
 
 pub(crate) fn run(arguments: TrainArguments) -> Result<(), Failure> {
     let flags = arguments.config();
@@ -30,7 +30,7 @@ pub(crate) fn run(arguments: TrainArguments) -> Result<(), Failure> {
     check_writable(&paths, &arguments, &config)?;
     let trained = train(&arguments.trips, &config)?;
     for remark in &trained.remarks {
-        eprintln!("kinds: {remark}");
+        log::notice(remark);
     }
     write_and_say(&paths.own, &trained.model)?;
     if let Some(pca) = &trained.pca {

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::cli::WatchArguments;
 use crate::failure::Failure;
-use crate::stop;
+use crate::{log, stop};
 
 pub(crate) fn run(arguments: &WatchArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
@@ -61,7 +61,9 @@ impl Reports {
         let Some(report) = self.reader.receive()? else { return Ok(None) };
         let n_missed = self.last.replace(report).map_or(0, |last| n_missed_between(&last, &report));
         if n_missed > 0 {
-            eprintln!("kinds: {n_missed} reports lost: they came faster than this program could take them");
+            log::notice(format!(
+                "{n_missed} reports lost: they came faster than this program could take them"
+            ));
         }
         Ok(Some(report))
     }
@@ -72,11 +74,13 @@ impl Reports {
         let was_there = self.service_is_there.replace(is_there);
         let sensor = &self.sensor;
         match (was_there, is_there) {
-            (None, false) => eprintln!(
-                "kinds: waiting for a service for {sensor} (kinds serve --sensor {sensor} --model …)"
-            ),
-            (Some(true), false) => eprintln!("kinds: the service for {sensor} is gone; waiting for another"),
-            (Some(false), true) => eprintln!("kinds: a service for {sensor} is there"),
+            (None, false) => log::notice(format!(
+                "waiting for a service for {sensor} (kinds serve --sensor {sensor} --model …)"
+            )),
+            (Some(true), false) => {
+                log::notice(format!("the service for {sensor} is gone; waiting for another"));
+            }
+            (Some(false), true) => log::notice(format!("a service for {sensor} is there")),
             _ => {}
         }
         self.reader.wait(TICK)?;

@@ -3,29 +3,23 @@
 
 #![allow(clippy::print_stderr, reason = "a test says how long it took, and does not judge it")]
 
-use kinds_messages::{FRAME_BUFFER, FrameHeader, FramePublisher};
+use std::path::Path;
+
+use kinds_messages::{Command, FRAME_BUFFER, FrameHeader, FramePublisher, KindReport, Pose};
+use kinds_model::SensorLayout;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 use rustix::process::Signal;
 
-use crate::ordeal::{Ordeal, PROGRAMS, RECORDED};
+use crate::ordeal::{Ordeal, PROGRAMS, RECORDED, recordings};
 use crate::robot::{MODEL, Robot, SECOND, SENSOR};
 use crate::running::await_that;
-use crate::world::{Trip, read_trip};
-
-/// A robot with a model of Crunch's sensor, learnt from its own trip.
-fn crunch() -> Robot {
-    let robot = Robot::new();
-    let recorder = robot.start(&["record", "--sensor", SENSOR, "--output", "drive.mcap", "--count", "300"]);
-    recorder.await_err("kinds: waiting for a driver shim to publish crunch/ring");
-    let shim = robot.start(&["publish", "--simulate", "crunch", "--sensor", SENSOR, "--speed", "100"]);
-    assert_eq!(recorder.end().code, Some(0));
-    shim.stop(Signal::TERM);
-    robot.succeed(&[&["train", "drive.mcap", "--output", MODEL][..], &crate::robot::SIZE].concat());
-    robot
-}
+use crate::world::{Trip, open_model, read_trip};
 
 #[test]
 fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_nothing() {
-    let robot = crunch();
+    let robot = Robot::crunch();
     let mut ordeal = Ordeal::begin(&robot, "5", 7);
     let before = ordeal.remains();
     for round in 0..25 {
@@ -51,7 +45,7 @@ fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_not
             ordeal.check_all_is_well();
         }
     }
-    assert_eq!(ordeal.n_kills, [25; PROGRAMS.len()]);
+    assert_eq!(ordeal.kills_ns.each_ref().map(Vec::len), [25; PROGRAMS.len()]);
     eprintln!("all were well again within {:?} of the last start, at the slowest", ordeal.longest_return);
     // Who was killed last is cleaned up after by those who live, every few seconds.
     let has_not_grown = || {
@@ -66,8 +60,32 @@ fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_not
     // The last recorder's trip is whole. Of each that was killed there is what it had written.
     assert!(recorded.contains(" into recorded.mcap; 0 frames lost"), "{recorded}");
     assert!(!read_trip(&robot.path(RECORDED)).is_empty());
-    let partial = |path: &std::path::Path| path.to_string_lossy().ends_with(".partial");
-    assert_eq!(robot.files().keys().filter(|path| partial(path)).count(), 25);
+    assert_eq!(recordings(&robot).len(), 25);
+    assert_eq!(robot.shared_memory(), [""; 0]);
+}
+
+#[test]
+fn what_is_left_of_a_program_whose_remover_was_killed_at_it_is_removed_by_the_next() {
+    let robot = Robot::new();
+    let members = robot.domain().root.join("nodes");
+    let watch = || {
+        let watch = robot.start(&["watch", "--sensor", SENSOR]);
+        watch.await_err("kinds: waiting for a service for crunch/ring");
+        watch
+    };
+    watch().kill();
+    // The first thing that a remover removes.
+    let mut n_details = 0;
+    for member in std::fs::read_dir(&members).unwrap().map(|entry| entry.unwrap().path()) {
+        let files = std::fs::read_dir(member).into_iter().flatten().map(|entry| entry.unwrap().path());
+        for details in files.filter(|file| file.to_string_lossy().ends_with("node.details")) {
+            std::fs::remove_file(details).unwrap();
+            n_details += 1;
+        }
+    }
+    assert_eq!(n_details, 1);
+    watch().stop(Signal::TERM);
+    assert_eq!(std::fs::read_dir(&members).unwrap().count(), 0, "nobody is a member, or seems to be");
     assert_eq!(robot.shared_memory(), [""; 0]);
 }
 
@@ -93,6 +111,45 @@ fn a_service_that_stands_still_loses_the_oldest_frames_and_says_how_many() {
     assert!(newest[0].n_lost > 0 && newest[1..].iter().all(|report| report.n_lost == 0));
     let told = service.stop(Signal::TERM);
     assert!(told.ends_with(&format!("; {n_lost} lost\n")), "{told}");
+}
+
+#[test]
+fn of_a_sensor_that_is_too_fast_the_newest_frames_win_and_those_lost_are_counted() {
+    let robot = Robot::new();
+    let replay = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/replay");
+    std::fs::copy(replay.join("camera.kinds"), robot.path(MODEL)).unwrap();
+    let frames = read_trip(&replay.join("camera2.mcap"));
+    let SensorLayout { rows, columns, metres_per_count } = open_model(&robot.path(MODEL)).layout();
+    let service = robot.serve();
+    let mut consumer = robot.join();
+    // A camera that waits for nothing and nobody: to hand over a frame takes a small part of what it takes to classify it.
+    let camera = FramePublisher::create(&robot.node(), &SENSOR.parse().unwrap(), frames[0].1.len()).unwrap();
+    let (mut n_sent, mut reports) = (0_u64, Vec::new());
+    let n_lost = |reports: &[KindReport]| reports.iter().map(|report| report.n_lost).sum::<u64>();
+    await_that(|| {
+        for (_, counts) in &frames {
+            let mut loan = camera.loan().unwrap();
+            loan.counts_mut().copy_from_slice(counts);
+            let header = FrameHeader { run: 1, sequence: n_sent, rows, columns, ..FrameHeader::default() };
+            loan.send(&FrameHeader { metres_per_count, ..header }).unwrap();
+            n_sent += 1;
+            reports.extend(consumer.take_one());
+        }
+        n_lost(&reports) >= 1000
+    });
+    await_that(|| {
+        reports.extend(consumer.take_one());
+        reports.last().is_some_and(|report| report.sequence + 1 == n_sent)
+    });
+    assert!(reports.is_sorted_by(|a, b| a.sequence < b.sequence));
+    assert_eq!(reports.len() as u64 + n_lost(&reports), n_sent);
+    let told = service.stop(Signal::TERM);
+    let n_classified = reports.len();
+    let expected = format!(
+        "served {n_classified} frames: {n_classified} classified, 0 invalid, 0 repeated, 0 refused; {} lost\n",
+        n_lost(&reports)
+    );
+    assert!(told.ends_with(&expected), "{told}, not {expected}");
 }
 
 #[test]
@@ -130,7 +187,10 @@ fn a_consumer_that_stands_still_is_noticed_by_nobody_and_says_how_many_reports_i
     assert_eq!(shim.end().code, Some(0));
     watch.signal(Signal::CONT);
     watch.await_out("{\"sequence\":599,");
-    let lost = watch.err().into_iter().find(|line| line.contains(" reports lost: ")).unwrap();
+    // Said before that line, but on another stream.
+    let lost = || watch.err().into_iter().find(|line| line.contains(" reports lost: "));
+    await_that(|| lost().is_some());
+    let lost = lost().unwrap();
     let n_lost: usize = lost.split(' ').nth(1).unwrap().parse().unwrap();
     assert_eq!(watch.stop(Signal::TERM).lines().count() + n_lost, n_frames);
     assert!(service.stop(Signal::TERM).contains("served 600 frames: 600 classified"));
@@ -204,6 +264,49 @@ fn a_clock_that_steps_changes_no_order() {
         told.ends_with("served 10 frames: 10 classified, 0 invalid, 0 repeated, 0 refused; 0 lost\n"),
         "{told}"
     );
+}
+
+#[test]
+fn frames_whose_headers_are_made_by_chance_end_no_service() {
+    let robot = Robot::trained();
+    let service = robot.serve();
+    let mut consumer = robot.join();
+    let shim = FramePublisher::create(&robot.node(), &SENSOR.parse().unwrap(), 16).unwrap();
+    let whole =
+        FrameHeader { run: 1, rows: 1, columns: 16, metres_per_count: 0.001, ..FrameHeader::default() };
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    for round in 0..300_u64 {
+        // Any value at all, or one that is nearly right.
+        let mut number = |right: u64| match random.random_range(0..4) {
+            0 => random.random::<u64>(),
+            1 => u64::MAX,
+            _ => right,
+        };
+        let flags = number(0) as u32;
+        let [x_m, forward_m_s] = [0, 0].map(|right| f64::from_bits(number(right)));
+        let header = FrameHeader {
+            version: number(1) as u32,
+            flags,
+            run: number(1000 + round),
+            sequence: number(0),
+            captured_ns: number(round) as i64,
+            metres_per_count: f64::from_bits(number(0.001_f64.to_bits())),
+            rows: number(1) as u32,
+            columns: number(16) as u32,
+            pose: Pose { x_m, ..Pose::default() },
+            command: Command { forward_m_s, ..Command::default() },
+            ..whole
+        };
+        let n_readings = 16 - (number(0) % 16) as usize;
+        shim.loan().unwrap().send_first(n_readings, &header).unwrap();
+        // One that is right, and is reported: so nothing that was sent is left out for want of time.
+        shim.loan().unwrap().send(&FrameHeader { sequence: 0, run: u64::MAX - 1 - round, ..whole }).unwrap();
+        let is_right = |report: &KindReport| report.run == u64::MAX - 1 - round;
+        await_that(|| consumer.take_one().is_some_and(|report| is_right(&report)));
+    }
+    let told = service.stop(Signal::TERM);
+    let [n_frames, .., n_refused, _] = numbers(told.lines().last().unwrap())[..] else { panic!("{told}") };
+    assert!(n_frames == 600 && n_refused > 0, "{told}");
 }
 
 const FAULTS: &str = "(\n    seed: 3, drop: 0.05, repeat: 0.06, reorder: 0.07, delay: 0.02, delay_ms: 5,\n    \

@@ -121,6 +121,27 @@ fn what_cannot_be_recorded_is_a_sentence_and_leaves_no_file() {
     assert!(robot.files() == before);
 }
 
+#[test]
+fn frames_that_contradict_themselves_are_left_out_of_a_recording_and_end_it_not() {
+    let robot = Robot::trained();
+    robot.write("faults.ron", "(seed: 3, wrong_length: 0.1)");
+    let recorder = record(&robot, &[]);
+    let publish =
+        ["publish", "--trip", SECOND, "--sensor", SENSOR, "--speed", "20", "--faults", "faults.ron"];
+    let shim = robot.start(&publish).end();
+    let told = shim.stderr.lines().last().unwrap();
+    let n_short: usize = told.rsplit(", ").next().unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!(told.ends_with(" of the wrong length") && n_short > 0, "{told}");
+    let n_whole = Trip::SECOND.n_frames - n_short;
+    recorder.signal(Signal::TERM);
+    let outcome = recorder.end();
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    assert!(outcome.stdout.starts_with(&format!("recorded {n_whole} frames ")), "{told}; {outcome:?}");
+    let said = "kinds: frames that have 15 readings but say 1 × 16";
+    assert_eq!(outcome.stderr.matches(said).count(), 1, "{outcome:?}");
+    assert_eq!(read_trip(&robot.path(RECORDED)).len(), n_whole);
+}
+
 /// What rosbags says of a recording: topics, types, counts; and that kinds are probabilities, and images whole. Nothing
 /// where Python has no rosbags.
 fn told_by_rosbags(robot: &Robot) -> Option<String> {

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::process::{ChildStdout, Command, Stdio};
 
 use kinds_messages::{Domain, FrameReader, Node, OwnDomain};
+use rustix::process::Signal;
 use rustix::thread::{CapabilitySet, remove_capability_from_bounding_set};
 
 use crate::consumer::Consumer;
@@ -43,6 +44,19 @@ impl Robot {
         Trip::FIRST.write(&robot.path(FIRST));
         Trip::SECOND.write(&robot.path(SECOND));
         robot.succeed(&[&["train", FIRST, "--output", MODEL][..], &SIZE].concat());
+        robot
+    }
+
+    /// One with a model of the simulated Crunch's sensor, [`MODEL`], learnt from its own trip.
+    pub(crate) fn crunch() -> Self {
+        const DRIVE: &str = "drive.mcap";
+        let robot = Self::new();
+        let recorder = robot.start(&["record", "--sensor", SENSOR, "--output", DRIVE, "--count", "300"]);
+        recorder.await_err("kinds: waiting for a driver shim to publish crunch/ring");
+        let shim = robot.start(&["publish", "--simulate", "crunch", "--sensor", SENSOR, "--speed", "100"]);
+        assert_eq!(recorder.end().code, Some(0));
+        shim.stop(Signal::TERM);
+        robot.succeed(&[&["train", DRIVE, "--output", MODEL][..], &SIZE].concat());
         robot
     }
 
@@ -99,6 +113,7 @@ impl Robot {
             .env("KINDS_DOMAIN", &self.domain.root)
             .env("TMPDIR", self.temporary_folder())
             .env_remove("KINDS_LOG")
+            .env_remove("KINDS_LOG_FORMAT")
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
@@ -110,18 +125,18 @@ impl Robot {
         Running::start(&mut self.command(arguments))
     }
 
-    /// Starts a program that may lock no more than this much memory, kB.
-    pub(crate) fn start_limited(&self, lockable: &str, arguments: &[&str]) -> Running {
-        let mut command = self.command_of(
-            "sh",
-            &[&["-c", "ulimit -l $0 && exec \"$@\"", lockable, env!("CARGO_BIN_EXE_kinds")], arguments]
-                .concat(),
-        );
+    /// Starts a program within a limit, and without the right to exceed it.
+    ///
+    /// * `limit` — what `ulimit` is told, such as `-l 64`
+    pub(crate) fn start_limited(&self, limit: &str, right: CapabilitySet, arguments: &[&str]) -> Running {
+        let script = format!("ulimit {limit} && exec \"$0\" \"$@\"");
+        let mut command =
+            self.command_of("sh", &[&["-c", &script, env!("CARGO_BIN_EXE_kinds")], arguments].concat());
         // The right to exceed limits is a thread's, and those that it starts have it only if it does. Who may not give it up
         // has not got it.
         std::thread::scope(|scope| {
             let started = scope.spawn(|| {
-                let _ = remove_capability_from_bounding_set(CapabilitySet::IPC_LOCK);
+                let _ = remove_capability_from_bounding_set(right);
                 Running::start(&mut command)
             });
             started.join().unwrap()

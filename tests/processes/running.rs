@@ -50,6 +50,7 @@ impl Running {
     }
 
     /// Waits for a line on standard output that begins so, and returns it.
+    #[track_caller]
     pub(crate) fn await_out(&self, beginning: &str) -> String {
         self.out.as_ref().unwrap().wait_for(beginning).unwrap_or_else(|lines| {
             panic!("kinds {}: no {beginning:?} in {lines:?}; {:?}", self.arguments, self.err())
@@ -63,9 +64,9 @@ impl Running {
             .unwrap_or_else(|lines| panic!("kinds {}: no {beginning:?} in {lines:?}", self.arguments))
     }
 
-    /// What it has printed so far.
-    pub(crate) fn out(&self) -> Vec<String> {
-        self.out.as_ref().unwrap().so_far()
+    /// How many lines it has printed so far.
+    pub(crate) fn n_out(&self) -> usize {
+        self.out.as_ref().unwrap().shared.0.lock().unwrap().lines.len()
     }
 
     /// What it has said on standard error so far.
@@ -147,6 +148,7 @@ impl Drop for Running {
 }
 
 /// Waits for a condition that nobody tells of.
+#[track_caller]
 pub(crate) fn await_that(mut condition: impl FnMut() -> bool) {
     let start = Instant::now();
     while !condition() {

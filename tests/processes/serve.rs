@@ -149,8 +149,11 @@ fn a_service_that_may_lock_its_memory_keeps_the_model_there() {
 #[test]
 fn a_service_that_may_not_lock_its_memory_says_what_to_change_and_serves() {
     let robot = Robot::trained();
-    let service =
-        robot.start_limited("64", &["serve", "--model", MODEL, "--sensor", SENSOR, "--lock-memory"]);
+    let service = robot.start_limited(
+        "-l 64",
+        CapabilitySet::IPC_LOCK,
+        &["serve", "--model", MODEL, "--sensor", SENSOR, "--lock-memory"],
+    );
     let told = service.await_out(&format!("serving {SENSOR}: "));
     assert!(told.ends_with("; memory is not locked"), "{told}");
     assert_eq!(n_locked_kb(&service), 0);

@@ -13,18 +13,29 @@ use crate::robot::SENSOR;
 /// One frame: its run, and its number in that.
 pub(crate) type FrameId = (u64, u64);
 
+/// What was seen of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SeenFrame {
+    pub(crate) id: FrameId,
+    pub(crate) n_readings: usize,
+    pub(crate) sent_ns: u64,
+}
+
 /// What was seen of a report.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Seen {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SeenReport {
     pub(crate) id: FrameId,
     pub(crate) n_lost: u64,
+    /// When its frame was sent.
+    pub(crate) sent_ns: u64,
+    pub(crate) reported_ns: u64,
 }
 
 /// All that was seen, in order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ledger {
-    pub(crate) frames: Vec<FrameId>,
-    pub(crate) reports: Vec<Seen>,
+    pub(crate) frames: Vec<SeenFrame>,
+    pub(crate) reports: Vec<SeenReport>,
 }
 
 impl Ledger {
@@ -58,11 +69,20 @@ impl Witness {
                 frames.wait(Duration::from_millis(5)).unwrap();
                 let mut ledger = theirs.lock().unwrap();
                 while let Some(frame) = frames.receive().unwrap() {
-                    ledger.frames.push((frame.header().run, frame.header().sequence));
+                    let header = frame.header();
+                    ledger.frames.push(SeenFrame {
+                        id: (header.run, header.sequence),
+                        n_readings: frame.counts().len(),
+                        sent_ns: header.sent_monotonic_ns,
+                    });
                 }
                 while let Some(report) = reports.receive().unwrap() {
-                    let id = (report.run, report.sequence);
-                    ledger.reports.push(Seen { id, n_lost: report.n_lost });
+                    ledger.reports.push(SeenReport {
+                        id: (report.run, report.sequence),
+                        n_lost: report.n_lost,
+                        sent_ns: report.sent_monotonic_ns,
+                        reported_ns: report.reported_monotonic_ns,
+                    });
                 }
             }
         });

@@ -76,6 +76,10 @@ impl Course {
         }
         Ok(Self { poses, duration_s: first.map_or(0.0, |first| (last - first) as f64 / 1e9) })
     }
+
+    pub(crate) fn n_frames(&self) -> u64 {
+        self.poses.len() as u64
+    }
 }
 
 impl<'a> LiveView<'a> {

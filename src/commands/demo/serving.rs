@@ -35,6 +35,15 @@ pub(crate) fn serve_and_watch(
     let reports = watch_until_end(&mut watched, &mut shim, &mut live, stop)?;
     live.end(&reports)?;
     shim.end_well()?;
+    // Whoever may have ended it, it ended well: only what was reported tells whether the trip was over. Nor would our own flag,
+    // which a signal sets in whichever thread the system hands it to, perhaps later than we look.
+    let (n_reported, n_frames) = (reports.last().map_or(0, |last| last.sequence + 1), course.n_frames());
+    if n_reported < n_frames {
+        return Err(Failure::CouldNot(format!(
+            "kinds publish was ended by somebody after {n_reported} of {n_frames} frames; the model is learnt, its results are \
+             not there"
+        )));
+    }
     service.terminate();
     service.end_well()?;
     Ok(reports)

@@ -12,8 +12,10 @@ use std::time::Duration;
 
 use kinds_messages::{HealthReport, Latency, SensorName};
 use kinds_model::ModelId;
+use rustix::thread::CpuSet;
 
 use crate::failure::Failure;
+use crate::realtime;
 
 /// Longest that a scrape may take to ask or to read.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -49,10 +51,13 @@ impl Metrics {
     }
 
     /// Starts to answer, as long as this program lives, and returns who is to be told of every health report.
-    pub(crate) fn start(self) -> impl FnMut(&HealthReport) + 'static {
+    ///
+    /// * `processors` — where to run, if that is not where the caller does
+    pub(crate) fn start(self, processors: Option<CpuSet>) -> impl FnMut(&HealthReport) + 'static {
         let latest = Arc::new(Mutex::new(HealthReport::default()));
         let for_scrapes = Arc::clone(&latest);
         thread::spawn(move || {
+            realtime::return_to(processors);
             for connection in self.listener.incoming() {
                 match connection {
                     Ok(connection) => {

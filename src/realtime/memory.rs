@@ -9,7 +9,7 @@ use rustix::thread::{CapabilitySet, capabilities};
 
 /// Why memory could not be locked.
 #[derive(Debug)]
-pub(crate) struct NotLocked {
+pub(super) struct NotLocked {
     mapped_bytes: Option<u64>,
     /// None where there is no limit.
     limit_bytes: Option<u64>,
@@ -20,7 +20,7 @@ pub(crate) struct NotLocked {
 ///
 /// What will be mapped later, such as the frames of a driver shim that comes, is locked too where no limit could be reached by
 /// it: beyond one the system would refuse the mapping itself, and with it the shim.
-pub(crate) fn lock() -> Result<(), NotLocked> {
+pub(super) fn lock() -> Result<(), NotLocked> {
     let limit_bytes = getrlimit(Resource::Memlock).current;
     let may_exceed = capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
     let flags = match limit_bytes {

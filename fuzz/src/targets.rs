@@ -1,0 +1,98 @@
+//! What becomes of bytes that come from outside: one function for each sort of them. The fuzz targets call these, and so does
+//! an ordinary test (`tests/bytes`), with the committed corpus and with bytes made by chance.
+//!
+//! Each returns why it refuses the bytes, in words. None may panic, or hold much more memory than the bytes warrant.
+
+#![allow(dead_code, reason = "each fuzz target calls one of them")]
+
+use std::path::Path;
+
+use bytes::Bytes;
+use kinds_driver_shim::Faults;
+use kinds_messages::{FrameHeader, HealthReport};
+use kinds_model::{SensorLayout, file};
+use kinds_trainer::{Config, CountsSeen, SegmentFormat, Segmentation};
+use kinds_trips::{Selection, TripReader};
+
+/// A model file. What is not refused is written again as the same bytes.
+pub(crate) fn model(bytes: &[u8]) -> Result<(), String> {
+    let model = file::from_bytes(&Bytes::copy_from_slice(bytes)).map_err(|error| error.to_string())?;
+    assert_eq!(file::to_bytes(&model), bytes, "a model that is read is a model that was written");
+    Ok(())
+}
+
+/// A recorded trip, read to its end.
+pub(crate) fn bag(bytes: &[u8]) -> Result<(), String> {
+    let file = tempfile::NamedTempFile::new().expect("a temporary file can be made");
+    std::fs::write(file.path(), bytes).expect("a temporary file can be written");
+    read_bag(file.path()).map_err(|error| error.to_string())
+}
+
+fn read_bag(path: &Path) -> Result<(), kinds_trips::TripError> {
+    let mut trip = TripReader::open(path, &Selection::default())?;
+    let mut counts = vec![0; trip.layout().n_readings()];
+    while trip.next_frame(&mut counts)?.is_some() {}
+    Ok(())
+}
+
+/// Everything that is written in RON by hand: what to train, which faults to inject, where which place is. Refused if all of them
+/// refuse it.
+pub(crate) fn ron(bytes: &[u8]) -> Result<(), String> {
+    let text = std::str::from_utf8(bytes).map_err(|error| error.to_string())?;
+    let refusals = [training(text), faults(text), places(text)];
+    let words: Option<Vec<String>> = refusals.into_iter().map(Result::err).collect();
+    words.map_or(Ok(()), |words| Err(words.join("; ")))
+}
+
+fn training(text: &str) -> Result<(), String> {
+    let config = Config::from_ron(text).map_err(|error| error.to_string())?;
+    config.check().map_err(|error| error.to_string())?;
+    let mut seen = CountsSeen::default();
+    seen.add(&[0, 1000, 4000, u16::MAX]);
+    let sensor = SensorLayout { rows: 1, columns: 4, metres_per_count: 0.001 };
+    config.plan(sensor, &seen).map(drop).map_err(|error| error.to_string())
+}
+
+fn faults(text: &str) -> Result<(), String> {
+    Faults::from_ron(text).map(drop).map_err(|error| error.to_string())
+}
+
+fn places(text: &str) -> Result<(), String> {
+    let as_ron = Segmentation::parse(text, SegmentFormat::Ron, &[]).map(drop);
+    let as_csv = Segmentation::parse(text, SegmentFormat::Csv, &[]).map(drop);
+    as_ron.or(as_csv).map_err(|error| error.to_string())
+}
+
+/// A frame's header and a health report as a faulty writer may leave them in shared memory: what is read of them is bounded by
+/// what there is.
+pub(crate) fn message(bytes: &[u8]) -> Result<(), String> {
+    let mut words = bytes.chunks_exact(8).map(|word| u64::from_le_bytes(word.try_into().expect("8 bytes")));
+    let mut next = || words.next().unwrap_or_default();
+    let header = FrameHeader {
+        version: next() as u32,
+        flags: next() as u32,
+        run: next(),
+        sequence: next(),
+        captured_ns: next() as i64,
+        sent_monotonic_ns: next(),
+        metres_per_count: f64::from_bits(next()),
+        rows: next() as u32,
+        columns: next() as u32,
+        ..FrameHeader::default()
+    };
+    let has = |flag: u32| header.flags & flag != 0;
+    assert_eq!(header.known_pose().is_some(), has(FrameHeader::HAS_POSE));
+    assert_eq!(header.known_command().is_some(), has(FrameHeader::HAS_COMMAND));
+    assert_eq!(header.known_true_pose().is_some(), has(FrameHeader::HAS_TRUE_POSE));
+    let mut health = HealthReport {
+        flags: next() as u32,
+        interval_ns: next(),
+        last_status: next() as u32,
+        ..HealthReport::default()
+    };
+    health.last_interval.sent_to_reported.n_frames = next();
+    assert!(health.rate_hz().is_finite() && health.rate_hz() >= 0.0);
+    assert_eq!(health.last_status().is_some(), health.flags & HealthReport::HAS_LAST_FRAME != 0);
+    let is_ours = header.version == FrameHeader::VERSION;
+    if is_ours { Ok(()) } else { Err(format!("layout version {}", header.version)) }
+}

@@ -1,0 +1,66 @@
+//! What `kinds top --json` prints.
+
+use kinds_messages::{HealthReport, Latency, Program, StageLatencies};
+use kinds_model::ModelId;
+use serde_json::{Value, json};
+
+use crate::commands::top::observer::{Observer, Seen, Service};
+
+/// All that is seen, on one line.
+pub(crate) fn line(observer: &Observer) -> String {
+    let sensors = observer.sensors.iter().map(|(sensor, seen)| sensor_json(sensor.as_str(), seen));
+    json!({ "sensors": sensors.collect::<Vec<_>>() }).to_string()
+}
+
+fn sensor_json(sensor: &str, seen: &Seen) -> Value {
+    let program = |program: &Program| json!({ "name": program.name, "pid": program.pid });
+    let programs: Vec<_> = seen.programs.iter().map(program).collect();
+    let (health, age_s) = match seen.service() {
+        Service::Heard { said, age } => (Some(health_json(&said.health)), Some(age.as_secs_f64())),
+        _ => (None, None),
+    };
+    json!({ "sensor": sensor, "programs": programs, "health": health, "health_age_s": age_s })
+}
+
+fn health_json(health: &HealthReport) -> Value {
+    json!({
+        "uptime_s": health.uptime_ns as f64 / 1e9,
+        "model": ModelId(health.model_id).to_string(),
+        "rate_hz": health.rate_hz(),
+        "has_shim": health.has_shim(),
+        "kind": health.last_status().map(|_| health.last_kind),
+        "probability": health.last_status().map(|_| health.last_probability),
+        "novelty": health.last_status().map(|_| health.last_novelty),
+        "n_frames": health.n_frames,
+        "n_classified": health.n_classified,
+        "n_invalid": health.n_invalid,
+        "n_novel": health.n_novel,
+        "n_lost": health.n_lost,
+        "n_repeated": health.n_repeated,
+        "n_late": health.n_late,
+        "n_refused": health.n_refused,
+        "n_uncommanded": health.n_uncommanded,
+        "n_reloads": health.n_reloads,
+        "n_reloads_refused": health.n_reloads_refused,
+        "n_peers_lost": health.n_peers_lost,
+        "latency": {
+            "last_interval": stages_json(&health.last_interval),
+            "since_start": stages_json(&health.since_start),
+        },
+    })
+}
+
+fn stages_json(stages: &StageLatencies) -> Value {
+    json!({
+        "sent_to_received": latency_json(&stages.sent_to_received),
+        "received_to_reported": latency_json(&stages.received_to_reported),
+        "sent_to_reported": latency_json(&stages.sent_to_reported),
+    })
+}
+
+fn latency_json(latency: &Latency) -> Value {
+    json!({
+        "n_frames": latency.n_frames, "p50_ns": latency.p50_ns, "p90_ns": latency.p90_ns,
+        "p99_ns": latency.p99_ns, "p999_ns": latency.p999_ns, "max_ns": latency.max_ns,
+    })
+}
