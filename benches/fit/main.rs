@@ -119,6 +119,7 @@ fn plan(n_frames: usize, n_landmarks: usize) -> FitPlan {
     FitPlan {
         sensor: Data::sensor(),
         response: Data::response(),
+        whitening: None,
         metric: MetricPlan::Euclidean,
         n_frames_max: n_frames,
         method: Method::Isomap,

@@ -52,6 +52,7 @@ impl Simulated {
                 metres_per_count: layout.metres_per_count,
             },
             response: ResponsePlan::new(Scale::Inverse, self.range_m_max),
+            whitening: None,
             metric: MetricPlan::Euclidean,
             n_frames_max: n_frames,
             method: Method::Isomap,

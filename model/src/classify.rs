@@ -8,6 +8,7 @@ use crate::mixture::most_probable;
 use crate::model::Model;
 use crate::out_of_sample::Placer;
 use crate::stress::Stress;
+use crate::texture::{N_WAYS, Texture, Weave};
 
 /// Whether a frame could be classified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,10 +46,13 @@ const N_WARM_UP: usize = 64;
 /// Classifies frames with one model. Holds all memory that it needs: classifying allocates nothing.
 pub struct Classifier {
     model: Arc<Model>,
-    /// The frame on the response's scale and its command, shape `(n_columns,)`.
+    /// What is compared of the frame and its command, shape `(n_columns,)`.
     mapped: Vec<u16>,
+    /// Where the frame is mapped.
+    scratch: Vec<u16>,
     placer: Placer,
     stress: Stress,
+    weave: Weave,
     classification: Classification,
 }
 
@@ -57,8 +61,10 @@ impl Classifier {
     pub fn new(model: Arc<Model>) -> Self {
         Self {
             mapped: vec![0; model.frames().n_columns()],
+            scratch: model.comparison.scratch(),
             placer: Placer::new(model.manifold(), model.manifest().n_neighbors),
             stress: model.usual().stress(),
+            weave: Weave::new(model.layout(), model.metric()),
             classification: Classification {
                 status: Status::Invalid,
                 kind: 0,
@@ -83,7 +89,7 @@ impl Classifier {
         let n_frames = self.model.frames().n_frames();
         for index in (0..n_frames).step_by(n_frames.div_ceil(N_WARM_UP)) {
             self.mapped.copy_from_slice(self.model.frames().row(index));
-            self.locate();
+            self.locate([0.0; N_WAYS]);
         }
         // A frame of raw counts would touch only some entries of the response.
         black_box(self.model.response().table().iter().fold(0, |all, entry| all ^ entry));
@@ -108,8 +114,8 @@ impl Classifier {
     /// # Panics
     /// If the number of readings is not the model's: whoever receives frames compares layouts before.
     pub fn classify_commanded(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {
-        let (readings, columns) = self.mapped.split_at_mut(self.model.frames().n_readings());
-        let n_invalid = self.model.response().map(counts, readings);
+        let (compared, columns) = self.mapped.split_at_mut(self.model.frames().n_readings());
+        let n_invalid = self.model.comparison.map(counts, &mut self.scratch, compared);
         if let Some(scale) = self.model.commands() {
             columns.copy_from_slice(&scale.counts(&command.unwrap_or_default()));
         }
@@ -117,7 +123,9 @@ impl Classifier {
         if n_invalid == counts.len() {
             self.know_nothing();
         } else {
-            self.locate();
+            let compared = &self.mapped[..self.model.frames().n_readings()];
+            let texture = self.weave.of(self.model.comparison.readings(&self.scratch, compared));
+            self.locate(texture);
         }
         self.classification.kind = most_probable(&self.classification.probabilities);
         &self.classification
@@ -133,8 +141,8 @@ impl Classifier {
     }
 
     /// Finds coordinates, probabilities and novelty.
-    fn locate(&mut self) {
-        let Self { model, mapped, placer, stress, classification } = self;
+    fn locate(&mut self, texture: Texture) {
+        let Self { model, mapped, placer, stress, classification, .. } = self;
         classification.status = Status::Classified;
         let nearest = with_metric!(model.metric(), model.commands(), |metric| {
             placer.place(metric, model.manifold(), mapped, &mut classification.coordinates)
@@ -145,6 +153,7 @@ impl Classifier {
             density.squared_mahalanobis,
             nearest.squared_distance as f64,
             stress.of(placer.lengths(), &classification.coordinates),
+            model.novelty().textures().distance_from_middle(texture),
         ]);
     }
 }

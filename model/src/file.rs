@@ -6,20 +6,24 @@
 //!
 //! | array | type and shape | |
 //! |---|---|---|
-//! | `frames` | u16 (n_frames, n_columns) | reference frames on the response's scale; commands, where they are compared, as two more columns |
+//! | `frames` | u16 (n_frames, n_columns) | reference frames on the response's scale, or along slow directions; commands, where they are compared, as two more columns |
 //! | `references` | u32 (n_frames) | which of the trained frames they are |
 //! | `nearest` | u32 (n_trained) | which of the reference frames each trained frame is nearest to |
 //! | `response` | u16 (65536) | what a raw count becomes before it is compared |
 //! | `coordinates` | f64 (n_trained, n_dims) | where the trained frames lie in the embedding |
 //! | `weights`, `means`, `covariances` | f64 (n_kinds), (n_kinds, n_dims), (n_kinds, n_dims, n_dims) | the kinds |
 //! | `squared_radii` | u64 (n_frames) | of each reference frame to its last neighbour, ascending, counts² |
-//! | `held_out` | f64 (n_held_out, 3) | what novelty is told by, of frames that were held out ([`novelty`](crate::novelty)) |
+//! | `held_out` | f64 (n_held_out, 4) | what novelty is told by, of frames that were held out ([`novelty`](crate::novelty)) |
+//! | `textures` | f64 (n_held_out, 2) | of these frames |
+//! | `whitening_weights`, `whitening_offsets`, `whitening_scales` | i16 (n_directions, n_readings), f64 (n_directions) twice | slow directions ([`whitening`](crate::whitening); where they are compared) |
+//! | `whitening_means`, `whitening_loadings` | f32 (n_readings), (n_directions, n_readings) | what readings change by along them |
 //! | `landmarks` | u32 (n_landmarks) | which reference frames geodesics are measured from (not by `native`) |
 //! | `projection`, `mean_squared_geodesics` | f64 (n_landmarks, n_dims), (n_landmarks) | P and δ̄ (not by `native`) |
 //! | `geodesics` | f32 (n_frames, n_landmarks) | G (`isomap` alone) |
 //! | `digest` | u8 (32) | its first 16 bytes are the model's id |
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use bytemuck::Pod;
 use bytes::Bytes;
@@ -30,6 +34,7 @@ use sha2::{Digest, Sha256};
 
 use crate::array::Array;
 use crate::command::N_COMMAND_COLUMNS;
+use crate::comparison::Comparison;
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::mds::Embedding;
@@ -40,6 +45,8 @@ use crate::novelty::{N_MEASURES, Novelty};
 use crate::plan::Method;
 use crate::reference::ReferenceSet;
 use crate::response::{Response, TABLE_LEN};
+use crate::texture::{N_WAYS, Textures};
+use crate::whitening::Whitening;
 
 /// Version of the format that this crate writes and reads.
 pub const FORMAT: u32 = 2;
@@ -218,13 +225,14 @@ fn arrays(model: &Model) -> Vec<NamedArray<'_>> {
         array("frames", Dtype::U16, &[n_frames, model.frames.n_columns()], model.frames.counts()),
         array("references", Dtype::U32, &[n_frames], model.references.indices()),
         array("nearest", Dtype::U32, &[n_trained], model.references.nearest()),
-        array("response", Dtype::U16, &[TABLE_LEN], model.response.table()),
+        array("response", Dtype::U16, &[TABLE_LEN], model.response().table()),
         array("coordinates", Dtype::F64, &[n_trained, n_dims], &model.coordinates),
         array("weights", Dtype::F64, &[n_kinds], model.mixture.weights()),
         array("means", Dtype::F64, &[n_kinds, n_dims], model.mixture.means()),
         array("covariances", Dtype::F64, &[n_kinds, n_dims, n_dims], model.mixture.covariances()),
         array("squared_radii", Dtype::U64, &[n_frames], &model.squared_radii),
         array("held_out", Dtype::F64, &[n_held_out, N_MEASURES], model.novelty.measures()),
+        array("textures", Dtype::F64, &[n_held_out, N_WAYS], model.novelty.textures().all()),
     ];
     if let Some(embedding) = &model.embedding {
         let (projection, means) = (embedding.projection(), embedding.mean_squared_geodesics());
@@ -232,6 +240,16 @@ fn arrays(model: &Model) -> Vec<NamedArray<'_>> {
             array("landmarks", Dtype::U32, &[n_landmarks], &model.landmarks),
             array("projection", Dtype::F64, &[n_landmarks, n_dims], projection),
             array("mean_squared_geodesics", Dtype::F64, &[n_landmarks], means),
+        ]);
+    }
+    if let Some(whitening) = model.whitening() {
+        let shape = [whitening.n_directions(), whitening.n_readings()];
+        arrays.extend([
+            array("whitening_weights", Dtype::I16, &shape, &whitening.weights),
+            array("whitening_offsets", Dtype::F64, &shape[..1], &whitening.offsets),
+            array("whitening_scales", Dtype::F64, &shape[..1], &whitening.scales),
+            array("whitening_means", Dtype::F32, &shape[1..], &whitening.means),
+            array("whitening_loadings", Dtype::F32, &shape, &whitening.loadings),
         ]);
     }
     if let Some(geodesics) = &model.geodesics {
@@ -264,13 +282,26 @@ impl File<'_> {
         Ok(Array::from_bytes(self.bytes.slice_ref(tensor.data())))
     }
 
+    fn whitening(&self, n_directions: usize, n_readings: usize) -> Result<Whitening, ModelFileError> {
+        let shape = [n_directions, n_readings];
+        Ok(Whitening {
+            weights: self.array("whitening_weights", Dtype::I16, &shape)?,
+            offsets: self.array("whitening_offsets", Dtype::F64, &shape[..1])?,
+            scales: self.array("whitening_scales", Dtype::F64, &shape[..1])?,
+            means: self.array("whitening_means", Dtype::F32, &shape[1..])?,
+            loadings: self.array("whitening_loadings", Dtype::F32, &shape)?,
+        })
+    }
+
     fn assemble(&self, manifest: Manifest, text: &str) -> Result<Model, ModelFileError> {
         let Manifest { ref plan, n_trained, n_frames, n_neighbors, n_dims, n_kinds, novelty, .. } = manifest;
         let n_held_out = novelty.n_held_out;
         let n_landmarks = plan.n_landmarks;
         let n_readings = plan.sensor.n_readings();
         let n_more = if manifest.commands.is_some() { N_COMMAND_COLUMNS } else { 0 };
-        if [n_frames, n_landmarks, n_dims, n_kinds, n_readings, n_neighbors, n_held_out].contains(&0) {
+        let n_directions = plan.whitening.map(|whitening| whitening.n_directions);
+        let counts = [n_frames, n_landmarks, n_dims, n_kinds, n_readings, n_neighbors, n_held_out];
+        if counts.contains(&0) || n_directions == Some(0) {
             return Err(ModelFileError::Contents {
                 what: "manifest announces none of something that it needs",
             });
@@ -293,20 +324,27 @@ impl File<'_> {
             }
         };
         let response = Response::from_table(self.array("response", Dtype::U16, &[TABLE_LEN])?);
+        let textures = Textures::new(self.array("textures", Dtype::F64, &[n_held_out, N_WAYS])?);
+        let whitening = n_directions.map(|n| self.whitening(n, n_readings)).transpose()?;
+        let comparison = Comparison {
+            response: response.ok_or(ModelFileError::Contents { what: "response has not 65,536 entries" })?,
+            whitening: whitening.map(Arc::new),
+        };
+        let compared = comparison.layout(plan.sensor);
         let references = ReferenceSet::from_parts(
             self.array("references", Dtype::U32, &[n_frames])?,
             self.array("nearest", Dtype::U32, &[n_trained])?,
         );
         let mut model = Model {
             id: ModelId([0; 16]),
-            metric: plan.metric.compile(plan.sensor)?,
-            response: response.ok_or(ModelFileError::Contents { what: "response has not 65,536 entries" })?,
+            metric: plan.metric.compile(compared)?,
+            comparison,
             frames: Frames::with_more_columns(
-                n_readings,
+                compared.n_readings(),
                 n_more,
-                self.array::<u16>("frames", Dtype::U16, &[n_frames, n_readings + n_more])?,
+                self.array::<u16>("frames", Dtype::U16, &[n_frames, compared.n_readings() + n_more])?,
             )
-            .indexed(plan.sensor),
+            .indexed(compared),
             references,
             landmarks,
             geodesics: geodesics.map(|lengths: Array<f32>| Geodesics::new(n_landmarks, lengths)),
@@ -319,7 +357,7 @@ impl File<'_> {
                 self.array("covariances", Dtype::F64, &[n_kinds, n_dims, n_dims])?.to_vec(),
             )?,
             squared_radii: self.array("squared_radii", Dtype::U64, &[n_frames])?,
-            novelty: Novelty::new(self.array("held_out", Dtype::F64, &[n_held_out, N_MEASURES])?),
+            novelty: Novelty::new(self.array("held_out", Dtype::F64, &[n_held_out, N_MEASURES])?, textures),
             manifest,
         };
         let written = self.array::<u8>(DIGEST, Dtype::U8, &[32])?;
@@ -399,6 +437,7 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
             model.novelty.measures().iter().all(|measure| *measure >= 0.0),
             "measures of held-out frames are negative or not numbers",
         ),
+        (finite(model.novelty.textures().all()), "textures of held-out frames are not finite numbers"),
     ];
     match checks.into_iter().find(|(holds, _)| !holds) {
         Some((_, what)) => Err(ModelFileError::Contents { what }),
@@ -423,6 +462,7 @@ mod tests {
         let plan = FitPlan {
             sensor: SensorLayout { rows: 1, columns: 3, metres_per_count: 0.001 },
             response: ResponsePlan::new(Scale::Range, 4.0),
+            whitening: None,
             metric: MetricPlan::Euclidean,
             n_frames_max: usize::MAX,
             method: Method::Pca,

@@ -3,11 +3,15 @@
 mod kinds;
 
 use std::convert::Infallible;
+use std::sync::Arc;
 
 use self::kinds::find_kinds;
+use rayon::prelude::*;
+
 use crate::command::{
     CommandScale, Commands, N_COMMAND_COLUMNS, compared, mean_squared_distance, with_metric,
 };
+use crate::comparison::Comparison;
 use crate::em::EmError;
 use crate::frames::Frames;
 use crate::learnt::Source;
@@ -21,6 +25,8 @@ use crate::plan::{FitPlan, LandmarkChoice, Method};
 use crate::reference::n_held;
 use crate::response::{INVALID, Response, ResponseError};
 use crate::stream::{FrameSource, InMemory, Stream, StreamError};
+use crate::texture::{N_WAYS, Weave};
+use crate::whitening::{Pairs, Whitening};
 
 /// Most readings that can be coordinates as they are.
 const N_READINGS_NATIVE_MAX: usize = N_DIMS_MAX;
@@ -168,6 +174,21 @@ pub enum FitError {
     /// No distances.
     #[error(transparent)]
     Metric(#[from] MetricError),
+    /// Directions where distances are of another kind, or none.
+    #[error(
+        "slow directions have no rings and no weights, and native space no distances; use isomap or pca by the euclidean metric, or \
+         no whitening"
+    )]
+    Whitened,
+    /// Frames that do not span so many directions.
+    #[error(
+        "{n_directions} slow directions were asked for and the trip has fewer: its frames are too much alike, or too few follow \
+         each other; ask for fewer"
+    )]
+    NoDirections {
+        /// Directions asked for.
+        n_directions: usize,
+    },
     /// No scale.
     #[error(transparent)]
     Response(#[from] ResponseError),
@@ -272,16 +293,28 @@ pub fn fit_stream<E: Send>(
         return fit_all(counts, commands, plan, origin, progress);
     }
     check_commands(commands, n_trained, plan)?;
-    let response = Response::new(&plan.response, plan.sensor.metres_per_count).map_err(FitError::from)?;
-    let mut stream = Stream { source, n_readings, response: response.clone(), commands: None };
+    let mut comparison = Comparison { response: response_of(plan)?, whitening: None };
+    let mut stream = Stream {
+        source,
+        n_readings,
+        comparison: comparison.clone(),
+        weave: weave_of(plan)?,
+        textures: vec![[0.0; N_WAYS]; n_trained],
+        commands: None,
+    };
+    let mut done = |n_done| progress(Step::References, n_done, n_trained);
+    let whitening = whitening_of(plan, &origin.trips(n_trained), |indices| stream.pick(indices, &mut done))?;
+    comparison.whitening = whitening;
+    stream.comparison = comparison.clone();
     let mut scale = None;
     if let Some(commands) = commands {
         let mut done = |n_done| progress(Step::References, n_done, n_trained);
-        let readings = stream.pick(&compared(n_trained), &mut done).map_err(StreamError::Read)?;
-        let scale = scale.insert(command_scale(commands, &readings, plan)?);
+        let rows = stream.pick(&compared(n_trained), &mut done).map_err(StreamError::Read)?;
+        let scale = scale.insert(command_scale(commands, &rows, &comparison, plan)?);
         stream.commands = Some((*scale, &commands.of_frames));
     }
-    fit_source(Source::Stream(stream), response, scale, plan, origin, progress)
+    let provenance = Provenance { origin, ..made_here() };
+    fit_source(Source::Stream(stream), comparison, scale, plan, provenance, progress)
 }
 
 /// Fits a model that keeps all frames.
@@ -293,30 +326,90 @@ fn fit_all<E: Send>(
     progress: &mut Progress,
 ) -> Result<Model, StreamError<E>> {
     let n_readings = plan.sensor.n_readings();
-    check_commands(commands, counts.len() / n_readings, plan)?;
-    let response = Response::new(&plan.response, plan.sensor.metres_per_count).map_err(FitError::from)?;
+    let n_trained = counts.len() / n_readings;
+    check_commands(commands, n_trained, plan)?;
+    let response = response_of(plan)?;
     response.map_in_place(&mut counts);
+    let weave = weave_of(plan)?;
+    let textures = counts.par_chunks_exact(n_readings).map(|frame| weave.of(frame)).collect();
+    let whitening =
+        whitening_of(plan, &origin.trips(n_trained), |indices| Ok(rows_of(&counts, n_readings, indices)))?;
+    if let Some(whitening) = &whitening {
+        counts = whitened(&counts, whitening);
+    }
+    let comparison = Comparison { response, whitening };
+    let n_compared = comparison.layout(plan.sensor).n_readings();
     let (trained, scale) = match commands {
         Some(commands) => {
-            let compared: Vec<u16> = compared(counts.len() / n_readings)
-                .into_iter()
-                .flat_map(|index| &counts[index * n_readings..][..n_readings])
-                .copied()
-                .collect();
-            let scale = command_scale(commands, &compared, plan)?;
-            (scale.append(counts, n_readings, &commands.of_frames), Some(scale))
+            let rows = rows_of(&counts, n_compared, &compared(n_trained));
+            let scale = command_scale(commands, &rows, &comparison, plan)?;
+            (scale.append(counts, n_compared, &commands.of_frames), Some(scale))
         }
-        None => (Frames::new(n_readings, counts), None),
+        None => (Frames::new(n_compared, counts), None),
     };
-    fit_source(Source::All(trained), response, scale, plan, origin, progress)
+    let provenance = Provenance { origin, ..made_here() };
+    fit_source(Source::All(trained, textures), comparison, scale, plan, provenance, progress)
 }
 
-/// * `compared` — frames by which commands are weighed, on the response's scale: see [`mean_squared_distance`]
-fn command_scale(commands: &Commands, compared: &[u16], plan: &FitPlan) -> Result<CommandScale, FitError> {
-    let metric = plan.metric.compile(plan.sensor)?;
-    let n_readings = plan.sensor.n_readings();
+fn response_of(plan: &FitPlan) -> Result<Response, FitError> {
+    Ok(Response::new(&plan.response, plan.sensor.metres_per_count)?)
+}
+
+fn weave_of(plan: &FitPlan) -> Result<Weave, FitError> {
+    Ok(Weave::new(plan.sensor, &plan.metric.compile(plan.sensor)?))
+}
+
+/// Some rows of many.
+fn rows_of(rows: &[u16], n_columns: usize, indices: &[usize]) -> Vec<u16> {
+    indices.iter().flat_map(|index| &rows[index * n_columns..][..n_columns]).copied().collect()
+}
+
+/// Directions for frames, if the plan asks for them.
+///
+/// * `pick` — given the indices of frames, ascending, returns them on the response's scale
+fn whitening_of<E>(
+    plan: &FitPlan,
+    trips: &[usize],
+    pick: impl FnOnce(&[usize]) -> Result<Vec<u16>, E>,
+) -> Result<Option<Arc<Whitening>>, StreamError<E>> {
+    let Some(asked) = plan.whitening else { return Ok(None) };
+    if plan.method == Method::Native || plan.metric != MetricPlan::Euclidean {
+        return Err(FitError::Whitened.into());
+    }
+    let n_directions = asked.n_directions;
+    if n_directions == 0 {
+        let limit = asked.n_components;
+        return Err(FitError::Count { what: "slow directions", n: n_directions, limit }.into());
+    }
+    let frames = pick(&Pairs::indices(trips)).map_err(StreamError::Read)?;
+    let whitening = Pairs::new(frames, plan.sensor.n_readings(), trips).whiten(asked);
+    Ok(Some(Arc::new(whitening.ok_or(FitError::NoDirections { n_directions })?)))
+}
+
+/// Frames in memory along directions.
+fn whitened(frames: &[u16], whitening: &Whitening) -> Vec<u16> {
+    let (n_readings, n_directions) = (whitening.n_readings(), whitening.n_directions());
+    let mut directions = vec![0; frames.len() / n_readings * n_directions];
+    let each = frames.par_chunks_exact(n_readings).zip(directions.par_chunks_exact_mut(n_directions));
+    each.for_each(|(frame, directions)| whitening.map(frame, directions));
+    directions
+}
+
+fn made_here() -> Provenance {
+    Provenance { made_by: format!("natural-kinds {}", env!("CARGO_PKG_VERSION")), ..Default::default() }
+}
+
+/// * `rows` — frames by which commands are weighed, as they are compared: see [`mean_squared_distance`]
+fn command_scale(
+    commands: &Commands,
+    rows: &[u16],
+    comparison: &Comparison,
+    plan: &FitPlan,
+) -> Result<CommandScale, FitError> {
+    let compared = comparison.layout(plan.sensor);
+    let metric = plan.metric.compile(compared)?;
     let of_readings =
-        with_metric!(&metric, None, |metric| mean_squared_distance(compared, n_readings, metric));
+        with_metric!(&metric, None, |metric| mean_squared_distance(rows, compared.n_readings(), metric));
     Ok(CommandScale::new(commands, of_readings))
 }
 
@@ -345,29 +438,25 @@ pub fn refit(model: &Model, method: Method, size: Size, progress: &mut Progress)
         Size::Own => (plan.n_neighbors, plan.n_dims, plan.n_kinds),
     };
     let plan = FitPlan { method, n_neighbors, n_dims, n_kinds, ..plan.clone() };
-    let origin = provenance.origin.clone();
-    let (source, response) = (Source::<Infallible>::Model(model), model.response().clone());
-    fit_source(source, response, *commands, &plan, origin, progress).map_err(StreamError::of_fitting)
+    let provenance = Provenance { origin: provenance.origin.clone(), ..made_here() };
+    let (source, comparison) = (Source::<Infallible>::Model(model), model.comparison.clone());
+    fit_source(source, comparison, *commands, &plan, provenance, progress).map_err(StreamError::of_fitting)
 }
 
 fn fit_source<E: Send>(
     source: Source<E>,
-    response: Response,
+    comparison: Comparison,
     commands: Option<CommandScale>,
     plan: &FitPlan,
-    origin: Origin,
+    mut provenance: Provenance,
     progress: &mut Progress,
 ) -> Result<Model, StreamError<E>> {
     let n_trained = source.n_trained();
     check_counts(plan, n_trained)?;
-    let metric = plan.metric.compile(plan.sensor).map_err(FitError::from)?;
-    let mut provenance = Provenance {
-        made_by: format!("natural-kinds {}", env!("CARGO_PKG_VERSION")),
-        origin,
-        ..Default::default()
-    };
+    let compared = comparison.layout(plan.sensor);
+    let metric = plan.metric.compile(compared).map_err(FitError::from)?;
     let located = with_metric!(&metric, commands.as_ref(), |metric| {
-        Located::by(metric, source, plan, &mut provenance, progress)
+        Located::by(metric, source, compared, plan, &mut provenance, progress)
     });
     let Located {
         frames,
@@ -397,7 +486,7 @@ fn fit_source<E: Send>(
     };
     let (row, trips) = (|index| held_out.row(&frames, index), provenance.origin.trips(n_trained));
     let novelty = with_metric!(&metric, commands.as_ref(), |metric| {
-        usual.learn(metric, &held_out.trained, row, &trips, provenance.n_frames_effective)
+        usual.learn(metric, &held_out.trained, &held_out.textures, row, &trips, provenance.n_frames_effective)
     });
 
     let plan = FitPlan { n_landmarks: plan.n_landmarks.min(n_frames), ..plan.clone() };
@@ -418,7 +507,7 @@ fn fit_source<E: Send>(
     let mut model = Model {
         id: ModelId([0; 16]),
         manifest,
-        response,
+        comparison,
         metric,
         frames,
         references,

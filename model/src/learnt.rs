@@ -1,7 +1,7 @@
 //! The frames that a model is learnt from: those that it keeps, and those that it embeds out of sample and lets go.
 
 use crate::fit::{Progress, Step, no_room};
-use crate::frames::{Frames, GrowingFrames};
+use crate::frames::{Frames, GrowingFrames, SensorLayout};
 use crate::graph::Edge;
 use crate::intrinsic_dims::{IntrinsicDims, N_NEIGHBORS_USED};
 use crate::landmarks;
@@ -14,14 +14,15 @@ use crate::plan::FitPlan;
 use crate::reference::{Kept, ReferenceSet};
 use crate::search::Search;
 use crate::stream::{Stream, StreamError};
+use crate::texture::{N_WAYS, Texture, Weave};
 
 /// Frames at random that suffice to estimate an intrinsic dimension d to d / √2000, two hundredths.
 const N_FRAMES_SAMPLED: usize = 2000;
 
 /// Where the frames that a model is learnt from are.
 pub(crate) enum Source<'a, E> {
-    /// In memory, on the response's scale and with their commands: all of them are reference frames.
-    All(Frames),
+    /// In memory, as they are compared and with their commands, and their textures: all of them are reference frames.
+    All(Frames, Vec<Texture>),
     /// Wherever they are read from: some of them are reference frames.
     Stream(Stream<'a, E>),
     /// In another model, as far as it has kept them.
@@ -32,7 +33,7 @@ impl<E: Send> Source<'_, E> {
     /// Frames that kinds are learnt from.
     pub(crate) fn n_trained(&self) -> usize {
         match self {
-            Self::All(trained) => trained.n_frames(),
+            Self::All(trained, _) => trained.n_frames(),
             Self::Stream(stream) => stream.n_frames(),
             Self::Model(model) => model.references().n_trained(),
         }
@@ -53,6 +54,8 @@ pub(crate) struct Learnt<'a, E> {
 pub(crate) struct HeldOut {
     /// Among the trained frames, ascending.
     pub(crate) trained: Vec<u32>,
+    /// Theirs; all alike where the trained frames are gone.
+    pub(crate) textures: Vec<Texture>,
     rows: Rows,
 }
 
@@ -87,21 +90,27 @@ pub(crate) struct Placed {
 }
 
 impl HeldOut {
-    fn of_references(references: &ReferenceSet, seed: u64) -> Self {
+    /// * `texture` — of a reference frame
+    fn of_references(references: &ReferenceSet, texture: impl Fn(u32) -> Texture, seed: u64) -> Self {
         let chosen = landmarks::at_random(references.n_frames(), N_HELD_OUT_MAX, seed);
-        let trained = chosen.iter().map(|&reference| references.indices()[reference as usize]).collect();
-        Self { trained, rows: Rows::OfReferences(chosen) }
+        let trained: Vec<u32> =
+            chosen.iter().map(|&reference| references.indices()[reference as usize]).collect();
+        let textures = chosen.iter().map(|&reference| texture(reference)).collect();
+        Self { trained, textures, rows: Rows::OfReferences(chosen) }
     }
 
     /// Every second frame of some that were sampled already.
     ///
     /// * `sample` — which of the trained frames they are
-    fn of_sampled(sample: &[u32], sampled: &Frames) -> Self {
+    /// * `textures` — of all trained frames
+    fn of_sampled(sample: &[u32], sampled: &Frames, textures: &[Texture]) -> Self {
         let rows = (0..sample.len()).step_by(2).flat_map(|index| sampled.row(index));
         let rows: Vec<u16> = rows.copied().collect();
         let n_more = sampled.n_columns() - sampled.n_readings();
         let rows = Frames::with_more_columns(sampled.n_readings(), n_more, rows);
-        Self { trained: sample.iter().copied().step_by(2).collect(), rows: Rows::Copied(rows) }
+        let trained: Vec<u32> = sample.iter().copied().step_by(2).collect();
+        let textures = trained.iter().map(|&trained| textures[trained as usize]).collect();
+        Self { trained, textures, rows: Rows::Copied(rows) }
     }
 
     /// What one of them is compared by, by its place among them, shape `(n_columns,)`.
@@ -118,27 +127,42 @@ impl HeldOut {
 impl<'a, E: Send> Learnt<'a, E> {
     /// Chooses the frames that a model is to keep, or takes those that another one kept.
     ///
+    /// * `compared` — what is compared of a frame
+    ///
     /// # Errors
     /// If frames cannot be read, or there is no memory for those to keep.
     pub(crate) fn by(
         metric: &impl Metric,
         source: Source<'a, E>,
+        compared: SensorLayout,
         plan: &FitPlan,
         progress: &mut Progress,
     ) -> Result<Self, StreamError<E>> {
         match source {
-            Source::All(trained) => {
-                let frames = trained.indexed(plan.sensor);
-                let held_out = HeldOut::of_references(&ReferenceSet::all(frames.n_frames()), plan.seed);
+            Source::All(trained, textures) => {
+                let frames = trained.indexed(compared);
+                let held_out = HeldOut::of_references(
+                    &ReferenceSet::all(frames.n_frames()),
+                    |reference| textures[reference as usize],
+                    plan.seed,
+                );
                 Ok(Self { frames, trained: Trained::AsKept, intrinsic_dims: None, held_out })
             }
-            Source::Stream(stream) => Self::choose(metric, stream, plan, progress),
-            Source::Model(model) => Ok(Self {
-                frames: model.frames().clone(),
-                trained: Trained::Gone(model),
-                intrinsic_dims: Some(model.manifest().provenance.intrinsic_dims),
-                held_out: HeldOut::of_references(model.references(), plan.seed),
-            }),
+            Source::Stream(stream) => Self::choose(metric, stream, compared, plan, progress),
+            Source::Model(model) => {
+                let weave = Weave::new(model.layout(), model.metric());
+                // Of frames that are kept along slow directions nobody knows it any more.
+                let texture = |reference: u32| match model.whitening() {
+                    None => weave.of(model.frames().readings(reference as usize)),
+                    Some(_) => [0.0; N_WAYS],
+                };
+                Ok(Self {
+                    frames: model.frames().clone(),
+                    trained: Trained::Gone(model),
+                    intrinsic_dims: Some(model.manifest().provenance.intrinsic_dims),
+                    held_out: HeldOut::of_references(model.references(), texture, plan.seed),
+                })
+            }
         }
     }
 
@@ -146,15 +170,16 @@ impl<'a, E: Send> Learnt<'a, E> {
     fn choose(
         metric: &impl Metric,
         mut stream: Stream<'a, E>,
+        compared: SensorLayout,
         plan: &FitPlan,
         progress: &mut Progress,
     ) -> Result<Self, StreamError<E>> {
         let (n_trained, n_columns) = (stream.n_frames(), stream.n_columns());
         let no_room = |_| no_room(plan, n_trained, n_columns);
         let mut kept =
-            Kept::new(metric, plan.sensor, n_columns, plan.n_frames_max, n_trained).map_err(no_room)?;
+            Kept::new(metric, compared, n_columns, plan.n_frames_max, n_trained).map_err(no_room)?;
         let sample = landmarks::at_random(n_trained, N_FRAMES_SAMPLED, plan.seed);
-        let mut sampled = GrowingFrames::new(plan.sensor, n_columns, sample.len()).map_err(no_room)?;
+        let mut sampled = GrowingFrames::new(compared, n_columns, sample.len()).map_err(no_room)?;
         let pass = stream.pass(&mut |first, rows| {
             kept.pass(first, rows);
             for (index, row) in (first as u32..).zip(rows.chunks_exact(n_columns)) {
@@ -169,7 +194,7 @@ impl<'a, E: Send> Learnt<'a, E> {
         let (frames, kept) = kept.into_references();
         let sampled = sampled.into_frames();
         let intrinsic_dims = Some(dims_of(&sampled, metric));
-        let held_out = HeldOut::of_sampled(&sample, &sampled);
+        let held_out = HeldOut::of_sampled(&sample, &sampled, &stream.textures);
         Ok(Self { frames, trained: Trained::Read { stream, kept }, intrinsic_dims, held_out })
     }
 

@@ -40,6 +40,7 @@ pub mod autocorrelation;
 mod blocks;
 pub mod classify;
 pub mod command;
+mod comparison;
 mod eigen;
 pub mod em;
 pub mod evidence;
@@ -74,6 +75,8 @@ mod symmetric;
 mod tally;
 #[cfg(test)]
 mod testing;
+mod texture;
+pub mod whitening;
 
 pub use classify::{Classification, Classifier, Status};
 pub use command::{Command, CommandColumn, CommandScale, Commands};
@@ -91,3 +94,4 @@ pub use plan::{FitPlan, KindsBy, LandmarkChoice, Method};
 pub use reference::ReferenceSet;
 pub use response::{Response, ResponsePlan, Scale};
 pub use stream::{FrameSource, StreamError};
+pub use whitening::{Whitening, WhiteningPlan};

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::fit::{FitError, Progress, Step};
-use crate::frames::Frames;
+use crate::frames::{Frames, SensorLayout};
 use crate::geodesics::Geodesics;
 use crate::graph::{Edge, Graph};
 use crate::intrinsic_dims::N_NEIGHBORS_USED;
@@ -54,16 +54,19 @@ struct Links<'a, M> {
 impl Located {
     /// By a metric, for which its loops are compiled.
     ///
+    /// * `compared` — what is compared of a frame
+    ///
     /// # Errors
     /// If frames cannot be read, or their lengths make no coordinates.
     pub(crate) fn by<M: Metric, E: Send>(
         metric: &M,
         source: Source<E>,
+        compared: SensorLayout,
         plan: &FitPlan,
         provenance: &mut Provenance,
         progress: &mut Progress,
     ) -> Result<Self, StreamError<E>> {
-        let mut learnt = Learnt::by(metric, source, plan, progress)?;
+        let mut learnt = Learnt::by(metric, source, compared, plan, progress)?;
         let frames = &learnt.frames.clone();
         let n_frames = frames.n_frames();
         // As many as anything asks for: those beyond ns cost next to nothing.
@@ -196,7 +199,10 @@ fn embed(
     let curve = &provenance.residual_variance;
     provenance.elbow = elbow(&curve[..curve.len().min(N_DIMS_REPORTED)]);
     provenance.n_dims_within_tolerance = fewest_within_tolerance(curve);
-    let n_dims = plan.n_dims.unwrap_or((provenance.elbow + N_DIMS_BEYOND_ELBOW).min(embedding.n_dims()));
+    // Of slow directions no more than there are: principal components, which it may be compared with, have no more.
+    let n_dims_max =
+        plan.whitening.map_or(embedding.n_dims(), |asked| embedding.n_dims().min(asked.n_directions));
+    let n_dims = plan.n_dims.unwrap_or((provenance.elbow + N_DIMS_BEYOND_ELBOW).min(n_dims_max));
     let kept: Vec<f64> =
         coordinates.chunks_exact(embedding.n_dims()).flat_map(|place| &place[..n_dims]).copied().collect();
     Ok((embedding.truncated(n_dims), kept))

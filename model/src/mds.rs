@@ -218,7 +218,7 @@ impl Embedding {
 }
 
 /// B = −½ H Δ H and δ̄, the means of Δ's columns.
-fn centre(
+pub(crate) fn centre(
     n_landmarks: usize,
     squared_geodesic: impl Fn(usize, usize) -> f64 + Sync,
 ) -> (Symmetric, Vec<f64>) {

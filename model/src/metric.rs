@@ -265,6 +265,11 @@ impl Ring {
         }
     }
 
+    /// Readings of each ring.
+    pub(crate) fn n_per_ring(&self) -> usize {
+        self.n_per_ring
+    }
+
     /// Squared distance after a turn, or `limit` if it is not below that.
     fn turned(&self, turn: usize, a: &[u16], b: &[u16], limit: u64) -> u64 {
         let mut sum = 0;

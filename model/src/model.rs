@@ -2,10 +2,12 @@
 
 use std::fmt;
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::array::Array;
 use crate::command::CommandScale;
+use crate::comparison::Comparison;
 use crate::frames::{Frames, SensorLayout};
 use crate::geodesics::Geodesics;
 use crate::intrinsic_dims::IntrinsicDims;
@@ -17,6 +19,7 @@ use crate::out_of_sample::Manifold;
 use crate::plan::FitPlan;
 use crate::reference::ReferenceSet;
 use crate::response::Response;
+use crate::whitening::Whitening;
 
 /// Most kinds that a model may have: what a report in shared memory holds.
 pub const N_KINDS_MAX: usize = 64;
@@ -209,7 +212,7 @@ pub struct ModelId(pub [u8; 16]);
 pub struct Model {
     pub(crate) id: ModelId,
     pub(crate) manifest: Manifest,
-    pub(crate) response: Response,
+    pub(crate) comparison: Comparison,
     /// The plan's, for its sensor.
     pub(crate) metric: AnyMetric,
     pub(crate) frames: Frames,
@@ -251,17 +254,32 @@ impl Model {
 
     /// Raw counts → the scale on which frames are compared.
     pub fn response(&self) -> &Response {
-        &self.response
+        &self.comparison.response
     }
 
-    /// How far apart frames are on that scale.
+    /// What makes slow directions of a frame's readings on that scale, if these are compared.
+    pub fn whitening(&self) -> Option<&Whitening> {
+        self.comparison.whitening.as_deref()
+    }
+
+    /// How far apart frames are.
     pub fn metric(&self) -> &AnyMetric {
         &self.metric
     }
 
-    /// The reference frames, on the response's scale.
+    /// The reference frames, as they are compared.
     pub fn frames(&self) -> &Frames {
         &self.frames
+    }
+
+    /// What the reference frames saw, readings on the response's scale: as it was, or where slow directions are compared, as far
+    /// as these say it.
+    pub fn seen(&self) -> Frames {
+        let Some(whitening) = self.whitening() else { return self.frames.clone() };
+        let frames = (0..self.frames.n_frames()).into_par_iter();
+        let seen: Vec<u16> =
+            frames.flat_map_iter(|index| whitening.frame_of(self.frames.readings(index))).collect();
+        Frames::new(whitening.n_readings(), seen)
     }
 
     /// Which of the trained frames the reference frames are, and which of these is nearest to each.

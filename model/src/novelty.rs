@@ -1,10 +1,13 @@
 //! Novelty: how unlike all that was seen in training a frame is, as one number with a known rate of false alarms.
 //!
-//! Three measures, since each is blind to something:
+//! Four measures, since each is blind to something:
 //! * the least squared Mahalanobis distance of the embedding to a kind. Alone it misses most: an embedding maps any frame onto
 //!   the span of those in training;
 //! * the squared distance to the nearest reference frame;
-//! * geodesic stress (`stress.rs`): whether the place explains the lengths.
+//! * geodesic stress (`stress.rs`): whether the place explains the lengths;
+//! * how far its texture (`texture.rs`) is from the middle one, in ranks, since textures are spread unevenly. The others compare
+//!   a frame with the nearest ones, and where those are far in any case, as in a camera's noise, take what no place looks like
+//!   for one more place.
 //!
 //! What is usual for each is learnt from some trained frames that are *held out*: placed as if the model had never seen the
 //! block of the trip around them, as long as its autocorrelation time τ. A frame whose neighbours in time are there is always
@@ -13,7 +16,7 @@
 //! usual, however unlike all else they are, and miss more. Kinds, geodesics and projection are those of all frames: what a
 //! block moves in them is small against how far a frame is from the next that looks like it.
 //!
-//! The three are combined by the *highest rank*: the largest of a frame's three ranks among held-out frames. Three tests at
+//! They are combined by the *highest rank*: the largest of a frame's ranks among held-out frames. Four tests at
 //! once give more false alarms than one, so the highest rank is ranked in turn, among those of the held-out frames: that
 //! rank is the novelty. Of frames like those held out, a share r has a novelty of at least 1 − r, whichever r.
 
@@ -27,12 +30,13 @@ use crate::mixture::Mixture;
 use crate::out_of_sample::{Manifold, Placer};
 use crate::reference::ReferenceSet;
 use crate::stress::Stress;
+use crate::texture::{Texture, Textures};
 
 /// Measures of how unlike other frames a frame is.
-pub(crate) const N_MEASURES: usize = 3;
+pub(crate) const N_MEASURES: usize = 4;
 
 /// What a frame measures: squared Mahalanobis distance, squared distance to the nearest reference frame (counts²), stress
-/// (counts²).
+/// (counts²), distance of the texture from the middle one (ranks, twice).
 pub(crate) type Measures = [f64; N_MEASURES];
 
 /// Trained frames at random that are held out, at most: of a rate of false alarms of one in a hundred, ten are beyond.
@@ -46,6 +50,7 @@ pub const FALSE_ALARM_RATE: f64 = 0.01;
 pub struct Novelty {
     /// Of held-out frames in order of time, shape `(n_held_out, N_MEASURES)`.
     measures: Array<f64>,
+    textures: Textures,
     /// Each measure for itself, ascending.
     sorted: [Vec<f64>; N_MEASURES],
     /// Of held-out frames, as numbers of frames below, ascending.
@@ -54,7 +59,8 @@ pub struct Novelty {
 
 impl Novelty {
     /// * `measures` — of held-out frames, at least one, shape `(n_held_out, N_MEASURES)`, no NaN
-    pub(crate) fn new(measures: Array<f64>) -> Self {
+    /// * `textures` — theirs
+    pub(crate) fn new(measures: Array<f64>, textures: Textures) -> Self {
         let (frames, _) = measures.as_chunks::<N_MEASURES>();
         let sorted = std::array::from_fn(|measure| {
             let mut sorted: Vec<f64> = frames.iter().map(|frame| frame[measure]).collect();
@@ -63,7 +69,7 @@ impl Novelty {
         });
         let mut highest_ranks: Vec<usize> = frames.iter().map(|frame| highest_rank(&sorted, frame)).collect();
         highest_ranks.sort_unstable();
-        Self { sorted, highest_ranks, measures }
+        Self { sorted, highest_ranks, measures, textures }
     }
 
     /// Trained frames that were held out.
@@ -74,6 +80,11 @@ impl Novelty {
     /// Of held-out frames in order of time, shape `(n_held_out, N_MEASURES)`.
     pub(crate) fn measures(&self) -> &[f64] {
         &self.measures
+    }
+
+    /// Of held-out frames.
+    pub(crate) fn textures(&self) -> &Textures {
+        &self.textures
     }
 
     /// How novel a frame is, 0…1: the share of held-out frames that are less so.
@@ -120,6 +131,7 @@ impl Usual<'_> {
     /// Learns what is usual from frames that are held out.
     ///
     /// * `trained` — which of the trained frames they are, ascending
+    /// * `textures` — theirs
     /// * `row` — what such a frame is compared by, by its place among them, shape `(n_columns,)`
     /// * `trips` — trained frames of each trip
     /// * `n_frames_effective` — N_eff: how many of the trained frames are as good as independent
@@ -129,12 +141,14 @@ impl Usual<'_> {
         &self,
         metric: &impl Metric,
         trained: &[u32],
+        textures: &[Texture],
         row: impl Fn(usize) -> &'r [u16] + Sync,
         trips: &[usize],
         n_frames_effective: f64,
     ) -> Novelty {
         let n_around = (0.5 * self.references.n_trained() as f64 / n_frames_effective).ceil() as usize;
         let stress = self.stress();
+        let textures = Textures::new(textures.as_flattened().to_vec().into());
         let n_kinds = self.mixture.n_kinds();
         let memory = || {
             let placer = Placer::new(self.manifold, self.n_neighbors);
@@ -147,11 +161,12 @@ impl Usual<'_> {
                 let nearest = placer.place_without(metric, self.manifold, row(index), hidden, coordinates);
                 let density = self.mixture.density(coordinates, probabilities);
                 let stress = stress.of(placer.lengths(), coordinates);
-                [density.squared_mahalanobis, nearest.squared_distance as f64, stress]
+                let texture = textures.distance_from_middle(textures.of(index));
+                [density.squared_mahalanobis, nearest.squared_distance as f64, stress, texture]
             },
         );
         let measures: Vec<Measures> = measured.collect();
-        Novelty::new(measures.into_flattened().into())
+        Novelty::new(measures.into_flattened().into(), textures)
     }
 
     /// Reference frames of the part of a trip around a trained frame, but so few that neighbours enough are left.
@@ -195,13 +210,13 @@ mod tests {
     use super::*;
 
     fn measures(frames: &[Measures]) -> Novelty {
-        Novelty::new(frames.concat().into())
+        Novelty::new(frames.concat().into(), Textures::new(vec![0.0; 2 * frames.len()].into()))
     }
 
     proptest! {
         #[test]
         fn of_held_out_frames_themselves_no_more_than_any_rate_are_that_novel(
-            frames in prop::collection::vec(prop::array::uniform3(prop_oneof![0.0..3.0_f64, Just(1.0), Just(2.0)]), 1..200),
+            frames in prop::collection::vec(prop::array::uniform4(prop_oneof![0.0..3.0_f64, Just(1.0), Just(2.0)]), 1..200),
             rate in 0.0..1.0_f64,
         ) {
             let novelty = measures(&frames);
@@ -211,9 +226,9 @@ mod tests {
         }
 
         #[test]
-        fn novelty_is_the_rank_of_the_highest_of_three_ranks_and_never_falls_as_a_measure_rises(
-            frames in prop::collection::vec(prop::array::uniform3(0.0..3.0_f64), 1..50),
-            frame in prop::array::uniform3(0.0..4.0_f64),
+        fn novelty_is_the_rank_of_the_highest_of_four_ranks_and_never_falls_as_a_measure_rises(
+            frames in prop::collection::vec(prop::array::uniform4(0.0..3.0_f64), 1..50),
+            frame in prop::array::uniform4(0.0..4.0_f64),
             more in 0.0..1.0_f64,
             measure in 0..N_MEASURES,
         ) {
@@ -232,12 +247,12 @@ mod tests {
 
     #[test]
     fn a_frame_beyond_all_in_one_measure_or_that_cannot_be_measured_is_as_novel_as_can_be() {
-        let novelty = measures(&[[1.0, 1.0, 1.0], [2.0, 2.0, 2.0], [3.0, 3.0, 3.0]]);
-        assert_eq!(novelty.of(&[0.0, 0.0, 3.5]), 1.0);
-        assert_eq!(novelty.of(&[0.0, f64::NAN, 0.0]), 1.0);
-        assert_eq!(novelty.of(&[0.0, -f64::NAN, 0.0]), 1.0);
-        assert_eq!(novelty.of(&[0.0, 0.0, 0.0]), 0.0);
-        assert_eq!(novelty.of(&[2.5, 0.0, 0.0]), 2.0 / 3.0);
+        let novelty = measures(&[[1.0; 4], [2.0; 4], [3.0; 4]]);
+        assert_eq!(novelty.of(&[0.0, 0.0, 3.5, 0.0]), 1.0);
+        assert_eq!(novelty.of(&[0.0, f64::NAN, 0.0, 0.0]), 1.0);
+        assert_eq!(novelty.of(&[0.0, 0.0, 0.0, -f64::NAN]), 1.0);
+        assert_eq!(novelty.of(&[0.0; 4]), 0.0);
+        assert_eq!(novelty.of(&[2.5, 0.0, 0.0, 0.0]), 2.0 / 3.0);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::em::EmPlan;
 use crate::frames::SensorLayout;
 use crate::metric::MetricPlan;
 use crate::response::ResponsePlan;
+use crate::whitening::WhiteningPlan;
 
 /// How distances between frames become coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -62,7 +63,10 @@ pub struct FitPlan {
     pub sensor: SensorLayout,
     /// The scale on which frames are compared.
     pub response: ResponsePlan,
-    /// How far apart two frames are on that scale.
+    /// Slow directions of readings that frames are compared by. None: by the readings themselves.
+    #[serde(default)]
+    pub whitening: Option<WhiteningPlan>,
+    /// How far apart two frames are by what is compared.
     pub metric: MetricPlan,
     /// Most frames that the model keeps. Of longer trips it keeps as many that cover them.
     pub n_frames_max: usize,

@@ -8,8 +8,9 @@ use std::convert::Infallible;
 use rayon::prelude::*;
 
 use crate::command::{Command, CommandScale, N_COMMAND_COLUMNS};
+use crate::comparison::Comparison;
 use crate::fit::FitError;
-use crate::response::Response;
+use crate::texture::{Texture, Weave};
 
 /// Frames that are worked on side by side: 10 MB of 19840 readings. What comes out does not depend on it, but which
 /// frames are references may ([`crate::ReferenceSet`]).
@@ -95,11 +96,14 @@ impl FrameSource for InMemory {
     }
 }
 
-/// Rows of frames as they are compared: counts on the response's scale, and commands behind them.
+/// Rows of frames as they are compared, and commands behind them.
 pub(crate) struct Stream<'a, E> {
     pub(crate) source: &'a mut dyn FrameSource<Error = E>,
     pub(crate) n_readings: usize,
-    pub(crate) response: Response,
+    pub(crate) comparison: Comparison,
+    pub(crate) weave: Weave,
+    /// Of the frames that have been read, shape `(n_frames,)`.
+    pub(crate) textures: Vec<Texture>,
     /// And the command of each frame.
     pub(crate) commands: Option<(CommandScale, &'a [Command])>,
 }
@@ -109,8 +113,13 @@ impl<E: Send> Stream<'_, E> {
         self.source.n_frames()
     }
 
+    /// Readings, or directions of them, that are compared.
+    fn n_compared(&self) -> usize {
+        self.comparison.whitening.as_ref().map_or(self.n_readings, |whitening| whitening.n_directions())
+    }
+
     pub(crate) fn n_columns(&self) -> usize {
-        self.n_readings + if self.commands.is_some() { N_COMMAND_COLUMNS } else { 0 }
+        self.n_compared() + if self.commands.is_some() { N_COMMAND_COLUMNS } else { 0 }
     }
 
     /// Goes through all frames in their order.
@@ -190,12 +199,14 @@ impl<E: Send> Stream<'_, E> {
     /// Reads some frames; none at the end.
     fn read(&mut self, first: usize, rows: &mut Vec<u16>) -> Result<(), E> {
         let last = self.n_frames().min(first + N_FRAMES_IN_BATCH);
-        let n_columns = self.n_columns();
+        let (n_columns, n_compared) = (self.n_columns(), self.n_compared());
+        let (mut raw, mut scratch) = (vec![0; self.n_readings], self.comparison.scratch());
         rows.resize((last - first) * n_columns, 0);
         for (index, row) in (first..last).zip(rows.chunks_exact_mut(n_columns)) {
-            let (readings, command) = row.split_at_mut(self.n_readings);
-            self.source.read(readings)?;
-            self.response.map_in_place(readings);
+            let (compared, command) = row.split_at_mut(n_compared);
+            self.source.read(&mut raw)?;
+            self.comparison.map(&raw, &mut scratch, compared);
+            self.textures[index] = self.weave.of(self.comparison.readings(&scratch, compared));
             if let Some((scale, commands)) = &self.commands {
                 command.copy_from_slice(&scale.counts(&commands[index]));
             }
@@ -207,7 +218,9 @@ impl<E: Send> Stream<'_, E> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::response::{ResponsePlan, Scale};
+    use crate::metric::{AnyMetric, Euclidean};
+    use crate::response::{Response, ResponsePlan, Scale};
+    use crate::texture::N_WAYS;
 
     #[test]
     fn every_pass_goes_through_all_frames_once_and_in_their_order() {
@@ -216,7 +229,10 @@ mod tests {
             let counts: Vec<u16> = (1..=2 * n_frames as u16).collect();
             let response = Response::new(&ResponsePlan::new(Scale::Range, 60.0), 0.001).unwrap();
             let source = &mut InMemory::new(2, counts.clone());
-            let mut stream = Stream { source, n_readings: 2, response, commands: None };
+            let comparison = Comparison { response, whitening: None };
+            let weave = Weave::new(crate::testing::layout(1, 2), &AnyMetric::Euclidean(Euclidean));
+            let textures = vec![[0.0; N_WAYS]; n_frames];
+            let mut stream = Stream { source, n_readings: 2, comparison, weave, textures, commands: None };
             let mut passed = Vec::new();
             for _ in 0..2 {
                 passed.clear();

@@ -21,6 +21,7 @@ fn plan(sensor: SensorLayout, method: Method, metric: MetricPlan) -> FitPlan {
     FitPlan {
         sensor,
         response: ResponsePlan::new(Scale::Inverse, 20.0),
+        whitening: None,
         metric,
         n_frames_max: usize::MAX,
         method,

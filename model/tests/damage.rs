@@ -12,6 +12,7 @@ fn small_model() -> Vec<u8> {
     let plan = FitPlan {
         sensor: SensorLayout { rows: 1, columns: 3, metres_per_count: 0.001 },
         response: ResponsePlan::new(Scale::Range, 4.0),
+        whitening: None,
         metric: MetricPlan::Euclidean,
         n_frames_max: usize::MAX,
         method: Method::Isomap,

@@ -50,6 +50,7 @@ fn as_they_are(n_readings: usize) -> FitPlan {
     FitPlan {
         sensor: SensorLayout { rows: 1, columns: n_readings as u32, metres_per_count: 1.0 },
         response: ResponsePlan::new(Scale::Range, 65_535.0),
+        whitening: None,
         metric: MetricPlan::Euclidean,
         n_frames_max: usize::MAX,
         method: Method::Isomap,

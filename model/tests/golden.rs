@@ -267,6 +267,7 @@ fn digits_plan(method: Method) -> FitPlan {
     FitPlan {
         sensor: DIGITS,
         response: ResponsePlan { invalid_range_m: 0.0, ..ResponsePlan::new(Scale::Range, 16.0) },
+        whitening: None,
         metric: MetricPlan::Euclidean,
         n_frames_max: usize::MAX,
         method,

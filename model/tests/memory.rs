@@ -35,6 +35,7 @@ fn held(n_frames: usize, n_landmarks: usize, method: Method) -> usize {
     let plan = FitPlan {
         sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
         response: ResponsePlan::new(Scale::Range, 20.0),
+        whitening: None,
         metric: MetricPlan::Euclidean,
         n_frames_max: usize::MAX,
         method,

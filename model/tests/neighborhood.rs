@@ -219,6 +219,7 @@ fn as_they_are(landmark_choice: LandmarkChoice, n_neighbors: Option<usize>) -> F
     FitPlan {
         sensor: SensorLayout { rows: 1, columns: 50, metres_per_count: 1.0 },
         response: ResponsePlan::new(Scale::Range, 65_535.0),
+        whitening: None,
         metric: MetricPlan::Euclidean,
         n_frames_max: usize::MAX,
         method: Method::Isomap,

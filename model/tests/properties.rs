@@ -21,6 +21,7 @@ fn plan(method: Method) -> FitPlan {
     FitPlan {
         sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
         response: ResponsePlan::new(Scale::Range, 65.535),
+        whitening: None,
         metric: MetricPlan::Euclidean,
         n_frames_max: usize::MAX,
         method,

@@ -40,6 +40,7 @@ fn plan(method: Method, n_frames_max: usize) -> FitPlan {
     FitPlan {
         sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
         response: ResponsePlan::new(Scale::Inverse, 4.0),
+        whitening: None,
         metric: MetricPlan::Euclidean,
         n_frames_max,
         method,

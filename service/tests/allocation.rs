@@ -132,6 +132,7 @@ fn classifier(sensor: SensorLayout) -> Classifier {
     let plan = FitPlan {
         sensor,
         response: ResponsePlan::new(Scale::Inverse, 20.0),
+        whitening: None,
         metric: MetricPlan::Euclidean,
         n_frames_max: usize::MAX,
         method: Method::Isomap,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use kinds_model::{Covariance, KindsBy, LandmarkChoice, Scale, StartsOn};
+use kinds_model::{Covariance, KindsBy, LandmarkChoice, Scale, StartsOn, WhiteningPlan};
 use kinds_trainer::{CommandsConfig, Config, LandmarkNumber, MethodChoice, MetricChoice};
 
 use super::ReadingArguments;
@@ -35,6 +35,10 @@ pub(crate) struct TrainArguments {
     /// Offset of the log and inverse scales, metres [default: 0.3]
     #[arg(long, value_name = "M")]
     offset_m: Option<f64>,
+    /// Compare frames by so many slow directions of their readings: what changes little from one frame to the next, each direction
+    /// as much as any other [default: by the readings themselves]
+    #[arg(long, value_name = "N")]
+    whitening: Option<usize>,
     /// How far apart frames are: euclidean; ring: at the nearest turn, each row of the sensor being a ring; rings:N: the same
     /// with N rings. Weights are given in the configuration file [default: euclidean]
     #[arg(long, value_name = "euclidean|ring|rings:N")]
@@ -103,6 +107,9 @@ impl TrainArguments {
             range_m_max: self.range_m_max,
             invalid_range_m: self.invalid_range_m,
             offset_m: self.offset_m,
+            whitening: self
+                .whitening
+                .map(|n_directions| WhiteningPlan { n_directions, ..Default::default() }),
             metric: self.metric.clone(),
             frames: self.frames,
             method: self.method.map(|name| match name {

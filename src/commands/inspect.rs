@@ -4,7 +4,9 @@ use std::io::Write;
 
 use kinds_model::evidence::best_by_bound;
 use kinds_model::neighborhood::short_circuits;
-use kinds_model::{DirichletProvenance, KindsTrial, LandmarkChoice, Manifest, Model, NeighborsTrial};
+use kinds_model::{
+    DirichletProvenance, FitPlan, KindsTrial, LandmarkChoice, Manifest, Model, NeighborsTrial, WhiteningPlan,
+};
 use serde::Serialize;
 
 use crate::cli::InspectArguments;
@@ -34,6 +36,18 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<(), Failure> {
     Ok(())
 }
 
+fn compared_by(plan: &FitPlan) -> String {
+    match plan.whitening {
+        None => plan.metric.to_string(),
+        Some(WhiteningPlan { n_components, n_directions }) => {
+            format!(
+                "{}, along {n_directions} slow directions of up to {n_components} principal components",
+                plan.metric
+            )
+        }
+    }
+}
+
 fn describe(model: &Model) -> String {
     let Manifest { plan, n_trained, n_frames, n_neighbors, n_kinds, novelty, provenance, .. } =
         model.manifest();
@@ -53,7 +67,7 @@ fn describe(model: &Model) -> String {
                 response.invalid_range_m
             ),
         ),
-        ("compared by", plan.metric.to_string()),
+        ("compared by", compared_by(plan)),
         (
             "frames",
             format!(

@@ -146,10 +146,12 @@ pub(crate) fn choices(model: &Model) -> Vec<String> {
     lines.extend(neighbors_choice(&provenance.neighbors_tried));
     if plan.n_dims.is_none() && model.embedding().is_some() {
         let elbow = provenance.elbow;
+        let beyond = match n_dims.checked_sub(elbow) {
+            Some(n_more) => format!("the elbow of the residual variance at {elbow} and {n_more} more"),
+            None => format!("all slow directions; the elbow of the residual variance at {elbow}"),
+        };
         lines.push(format!(
-            "dimensions: {n_dims}, the elbow of the residual variance at {elbow} and {} more; within {TOLERANCE} of the \
-             least from {} on",
-            n_dims - elbow,
+            "dimensions: {n_dims}, {beyond}; within {TOLERANCE} of the least from {} on",
             provenance.n_dims_within_tolerance,
         ));
         lines.push(format!("intrinsic dimension: {}", intrinsic(&provenance.intrinsic_dims)));

@@ -85,8 +85,9 @@ fn has_python(packages: &str) -> bool {
 /// A Python program. None, in words, where Python lacks what it needs.
 fn python(robot: &Robot, source: &str, arguments: &[&str], packages: &str) -> Option<Command> {
     let source = checkout(source);
-    let arguments = [&[source.to_str().unwrap()], arguments].concat();
-    has_python(packages).then(|| program(robot, Path::new("python3"), &arguments))
+    // Python takes Ctrl-C only if its parent did not ignore it, as shells do for what they run in the background.
+    let arguments = [&["--default-signal=INT", "python3", source.to_str().unwrap()], arguments].concat();
+    has_python(packages).then(|| program(robot, Path::new("env"), &arguments))
 }
 
 /// Waits until a program reads a channel.

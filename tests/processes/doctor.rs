@@ -230,7 +230,7 @@ fn a_model_that_is_missing_or_damaged_or_not_the_one_that_is_served_is_told() {
         [MODEL, "other.kinds"].map(|model| crate::world::open_model(&robot.path(model)).id().to_string());
     findings.has(
         &format!("the service has model {served}, and this one is {asked}"),
-        "start the service anew with this model",
+        "give the service this model: kinds reload --sensor NAME --model M.kinds",
     );
     shim.stop(Signal::INT);
     service.stop(Signal::INT);

@@ -13,6 +13,7 @@ use kinds_model::{
 use kinds_trainer::{Config, load, train};
 use kinds_trips::Selection;
 use rand::RngExt;
+use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
@@ -57,6 +58,16 @@ impl Trip {
         self.with(|frame| frame.iter().map(|&count| inverted(count)).collect())
     }
 
+    /// The readings of each frame in another order.
+    fn shuffled(&self) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        self.with(|frame| {
+            let mut frame = frame.to_vec();
+            frame.shuffle(&mut random);
+            frame
+        })
+    }
+
     /// Any readings within a range.
     fn noise(&self, range_m_max: f64) -> Self {
         let farthest = (range_m_max / self.layout.metres_per_count) as u16;
@@ -87,6 +98,7 @@ fn learnt(trip: &Trip, range_m_max: f64) -> Model {
     let plan = FitPlan {
         sensor: trip.layout,
         response: ResponsePlan::new(Scale::Inverse, range_m_max),
+        whitening: None,
         metric: MetricPlan::Euclidean,
         n_frames_max: 4000,
         method: Method::Isomap,
@@ -136,10 +148,10 @@ fn crunch_knows_its_building_again_and_calls_what_is_unlike_it_novel() {
 }
 
 #[test]
-fn chew_knows_its_campus_again_and_calls_noise_novel() {
+fn chew_knows_its_campus_again_and_calls_shuffled_frames_and_noise_novel() {
     let [first, second] = [1, 2].map(|trip| Trip::driven(Chew::new(trip, 0), usize::MAX));
     let model = Arc::new(learnt(&first, 7.5));
-    let unlike = [("noise", second.noise(7.5))];
+    let unlike = [("shuffled frames", second.shuffled()), ("noise", second.noise(7.5))];
     check("chew", &model, &second, &unlike);
 }
 
@@ -160,6 +172,7 @@ fn recorded_trips_know_their_place_again_and_call_what_is_unlike_it_novel() {
     let unlike = [
         ("another sensor's frames", Trip::recorded(&maze[0]).as_of(second.layout)),
         ("inverted frames", second.inverted(range_m_max)),
+        ("shuffled frames", second.shuffled()),
         ("noise", second.noise(range_m_max)),
     ];
     check("chess", &model, &second, &unlike);

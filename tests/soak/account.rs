@@ -160,10 +160,13 @@ impl<'a> Causes<'a> {
 
 fn ends(ledger: &Ledger) -> HashMap<u64, (Option<u64>, u64)> {
     let mut ends = HashMap::new();
-    for runs in ledger.frames.chunk_by(|a, b| a.id.0 == b.id.0) {
+    // As they were sent: of shims that follow each other quickly, the later one's frames may be seen first.
+    let mut frames = ledger.frames.clone();
+    frames.sort_by_key(|frame| frame.sent_ns);
+    for runs in frames.chunk_by(|a, b| a.id.0 == b.id.0) {
         ends.insert(runs[0].id.0, (None, u64::MAX));
     }
-    for pair in ledger.frames.windows(2).filter(|pair| pair[0].id.0 != pair[1].id.0) {
+    for pair in frames.windows(2).filter(|pair| pair[0].id.0 != pair[1].id.0) {
         ends.insert(pair[0].id.0, (None, pair[1].sent_ns));
     }
     for report in &ledger.reports {
@@ -226,6 +229,10 @@ fn killed_services_and_shims_account_for_what_was_sent_about_then_and_for_no_mor
     check(frames.clone(), reports.clone(), &service, &[no_service, no_service, None]);
     let both = Happened { shim_killed_ns: vec![1060], ..service };
     check(frames, reports, &both, &[no_service, no_service, Some(Cause::ShimKilled)]);
+    // Of two that were killed while they started, the later one's frame was seen first.
+    let starting = Happened { shim_killed_ns: vec![2500, 3500], ..Happened::default() };
+    let crossed = vec![frame(1, 0), frame(3, 0), frame(2, 0), frame(4, 0)];
+    check(crossed, vec![report(1, 0, 0), report(4, 0, 0)], &starting, &[Some(Cause::ShimKilled); 2]);
 }
 
 #[test]

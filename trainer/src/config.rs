@@ -2,7 +2,7 @@
 
 use kinds_model::{
     Covariance, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, N_DIMS_MAX, N_KINDS_MAX, ResponsePlan,
-    Scale, SensorLayout, StartsOn,
+    Scale, SensorLayout, StartsOn, WhiteningPlan,
 };
 use kinds_trips::Selection;
 use serde::Deserialize;
@@ -23,6 +23,9 @@ pub struct Config {
     pub invalid_range_m: Option<f64>,
     /// Offset of the log and inverse scales, metres, above 0. Default: 0.3.
     pub offset_m: Option<f64>,
+    /// Slow directions of readings that frames are compared by: `(n_components: 40, n_directions: 6)`, at most as many
+    /// as principal components, which are at most 1000. Default: none, by the readings themselves.
+    pub whitening: Option<WhiteningPlan>,
     /// How far apart frames are on that scale: `euclidean`; `Weighted([1, 1, 0.5])`, a weight of at least 0 for each reading;
     /// `ring`, at the nearest turn, each row of the sensor being a ring; or `rings(2)`, where the readings are so many rings.
     /// Default: euclidean.
@@ -144,6 +147,9 @@ pub enum ConfigError {
 /// Reference frames that keep a trip of hours within minutes: the cost of their neighbours grows with their square.
 const USUAL_FRAMES_MAX: usize = 4000;
 
+/// Principal components of a thousand frames at most.
+const N_COMPONENTS_MAX: usize = 1000;
+
 /// Landmarks that keep a trip of an hour within seconds: the eigenvalues' cost grows with their cube.
 const USUAL_LANDMARKS: LandmarkNumber = LandmarkNumber::Count(1000);
 
@@ -174,6 +180,7 @@ impl Config {
             range_m_max: over.range_m_max.or(self.range_m_max),
             invalid_range_m: over.invalid_range_m.or(self.invalid_range_m),
             offset_m: over.offset_m.or(self.offset_m),
+            whitening: over.whitening.or(self.whitening),
             metric: over.metric.or(self.metric),
             frames: over.frames.or(self.frames),
             method: over.method.or(self.method),
@@ -225,6 +232,10 @@ impl Config {
         count("dims", self.dims, N_DIMS_MAX)?;
         count("kinds", self.kinds, N_KINDS_MAX)?;
         count("starts", self.starts, usize::MAX)?;
+        if let Some(WhiteningPlan { n_components, n_directions }) = self.whitening {
+            count("n_components", Some(n_components), N_COMPONENTS_MAX)?;
+            count("n_directions", Some(n_directions), n_components)?;
+        }
         within("range_m_max", self.range_m_max, positive, "above 0 m")?;
         within(
             "invalid_range_m",
@@ -296,6 +307,7 @@ impl Config {
                 offset_m: self.offset_m.unwrap_or(usual.offset_m),
                 ..usual
             },
+            whitening: self.whitening,
             metric: self.metric.as_ref().map(|choice| choice.plan(sensor)).unwrap_or_default(),
             n_frames_max,
             method: match self.method {

@@ -16,6 +16,8 @@ class Report(ReportFields):
         return "natural_kinds::KindReport"
 
 
+# It tells whoever has no configuration file so; there is none here, by intent.
+iox2.set_log_level(iox2.LogLevel.Error)
 root, prefix, sensor, n_reports = sys.argv[1:]
 config = iox2.config.default()
 config.global_cfg.root_path = iox2.Path.new(root)

@@ -77,7 +77,7 @@ pub(super) fn on_report(model: &Model, report: &KindReport) -> Option<Finding> {
         wrong(
             "model",
             format!("the service has model {served}, and this one is {}", model.id()),
-            "start the service anew with this model",
+            "give the service this model: kinds reload --sensor NAME --model M.kinds",
         )
     })
 }

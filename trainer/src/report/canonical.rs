@@ -118,7 +118,7 @@ impl Inverse {
 impl Views {
     /// Computes all views. O(n_frames · n_readings · kinds that a frame is shared by).
     pub(super) fn of(model: &Model) -> Self {
-        let (frames, trained) = (model.frames(), model.references().indices());
+        let (frames, trained) = (&model.seen(), model.references().indices());
         let (responsibilities, kinds) = responsibilities(model);
         let n_kinds = model.mixture().n_kinds();
         let weights = weights(model, &responsibilities);

@@ -56,6 +56,7 @@ fn model_keeping(
     let plan = FitPlan {
         sensor,
         response: ResponsePlan::new(scale, 4.0),
+        whitening: None,
         metric: MetricPlan::Euclidean,
         n_frames_max,
         method: Method::Isomap,

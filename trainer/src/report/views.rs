@@ -21,9 +21,16 @@ pub fn canonical_views(model: &Model) -> Figure {
         false => "frame (seen as the reference frame nearest to it)",
     };
     let scale = scale_in_words(&views.unit, &model.manifest().plan.response);
+    let known = match model.whitening() {
+        None => "",
+        Some(_) => {
+            " The model keeps slow directions of frames, not their readings: a frame is drawn as far as these say what it \
+             looked like."
+        }
+    };
     let caption = format!(
         "{how} The mean weighs every {frame} with its probability of being of the kind, the medoid is the real frame of \
-         the kind that is nearest to it. {scale}"
+         the kind that is nearest to it.{known} {scale}"
     );
     let csv = table(unit, layout, &views);
     Figure::new("canonical-views", "What each kind looks like", caption, Some(legend), panels, csv)
