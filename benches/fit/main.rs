@@ -21,9 +21,7 @@ use std::time::Instant;
 
 use kinds_model::em::fit_mixture;
 use kinds_model::mds::Embedding;
-use kinds_model::{
-    EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, Provenance, fit,
-};
+use kinds_model::{EmPlan, FitPlan, Model, Origin, Provenance, fit};
 use kinds_trainer::Config;
 use rayon::prelude::*;
 
@@ -117,21 +115,13 @@ fn isomap(data: &Data, n_frames: usize, n_landmarks: usize) {
 
 fn plan(n_frames: usize, n_landmarks: usize) -> FitPlan {
     FitPlan {
-        sensor: Data::sensor(),
-        response: Data::response(),
-        whitening: None,
-        metric: MetricPlan::Euclidean,
         n_frames_max: n_frames,
-        method: Method::Isomap,
         n_neighbors: Some(N_NEIGHBORS),
-        consecutive_edges: false,
         n_landmarks,
-        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(N_DIMS),
         n_kinds: Some(1),
-        kinds_by: KindsBy::BicNeff,
         em: EmPlan { n_starts: 1, ..EmPlan::new(0) },
-        seed: 0,
+        ..FitPlan::new(Data::sensor(), Data::response(), 0)
     }
 }
 

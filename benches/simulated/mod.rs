@@ -3,9 +3,7 @@
 use std::ops::RangeFrom;
 
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot};
-use kinds_model::{
-    EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, ResponsePlan, Scale, SensorLayout,
-};
+use kinds_model::{EmPlan, FitPlan, ResponsePlan, Scale, SensorLayout};
 
 /// Trips of the reference frames.
 pub(crate) const LEARNT: RangeFrom<u32> = 0..;
@@ -46,25 +44,21 @@ impl Simulated {
     pub(crate) fn plan(&self, n_frames: usize) -> FitPlan {
         let layout = (self.drive)(0).layout();
         FitPlan {
-            sensor: SensorLayout {
-                rows: layout.rows,
-                columns: layout.columns,
-                metres_per_count: layout.metres_per_count,
-            },
-            response: ResponsePlan::new(Scale::Inverse, self.range_m_max),
-            whitening: None,
-            metric: MetricPlan::Euclidean,
             n_frames_max: n_frames,
-            method: Method::Isomap,
             n_neighbors: Some(10),
-            consecutive_edges: false,
             n_landmarks: 500,
-            landmark_choice: LandmarkChoice::Random,
             n_dims: Some(self.n_dims),
             n_kinds: Some(8),
-            kinds_by: KindsBy::BicNeff,
             em: EmPlan { n_starts: 1, ..EmPlan::new(0) },
-            seed: 0,
+            ..FitPlan::new(
+                SensorLayout {
+                    rows: layout.rows,
+                    columns: layout.columns,
+                    metres_per_count: layout.metres_per_count,
+                },
+                ResponsePlan::new(Scale::Inverse, self.range_m_max),
+                0,
+            )
         }
     }
 

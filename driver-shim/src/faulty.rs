@@ -207,14 +207,13 @@ impl<S: Sensor> Sensor for Faulty<S> {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
-    use std::rc::Rc;
 
     use kinds_trips::Stamp;
     use proptest::prelude::*;
 
     use super::*;
     use crate::Capture;
+    use crate::testing::SleepClock;
 
     const N_READINGS: usize = 3;
 
@@ -238,20 +237,6 @@ mod tests {
             counts.fill(self.next as u16);
             let captured = Stamp(self.next as i64);
             Ok(Reading::Frame(Capture { captured, pose: None, command: None, true_pose: None }))
-        }
-    }
-
-    /// Only sleeping takes time.
-    #[derive(Clone, Default)]
-    struct SleepClock(Rc<Cell<Duration>>);
-
-    impl Clock for SleepClock {
-        fn now(&self) -> Duration {
-            self.0.get()
-        }
-
-        fn sleep(&self, duration: Duration) {
-            self.0.set(self.0.get() + duration);
         }
     }
 

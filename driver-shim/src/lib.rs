@@ -22,6 +22,8 @@ mod sensor;
 mod shim;
 pub mod simulated;
 #[cfg(test)]
+mod testing;
+#[cfg(test)]
 mod tests;
 
 pub use faults::{Faults, FaultsError};

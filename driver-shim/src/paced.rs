@@ -115,29 +115,14 @@ impl Clock for SystemClock {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
     use std::path::Path;
-    use std::rc::Rc;
 
     use kinds_trips::{
         Command as TripCommand, Pose as TripPose, Scan, Selection, Stamp, TripWriter, WriterOptions,
     };
 
     use super::*;
-
-    /// A clock on which only sleeping takes time.
-    #[derive(Clone, Default)]
-    struct SleepClock(Rc<Cell<Duration>>);
-
-    impl Clock for SleepClock {
-        fn now(&self) -> Duration {
-            self.0.get()
-        }
-
-        fn sleep(&self, duration: Duration) {
-            self.0.set(self.0.get() + duration);
-        }
-    }
+    use crate::testing::SleepClock;
 
     const CAPTURED_MS: [i64; 4] = [10_000, 10_100, 10_130, 10_500];
 

@@ -1,11 +1,13 @@
 //! What frames and kinds channels have in common: names, limits, opening with patience, and waiting.
 
+use std::fmt::Debug;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::port::notifier::{Notifier, NotifierNotifyError};
-use iceoryx2::prelude::{ServiceName, ipc};
+use iceoryx2::prelude::{IceoryxSend, ServiceName, ZeroCopySend, ipc};
+use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::event::PortFactory as Events;
 
 use crate::error::Obstacle;
@@ -52,6 +54,9 @@ pub enum Waiting {
     /// core, all the time.
     Polling,
 }
+
+/// A request for a channel of messages.
+type Messages<P, H> = Builder<P, H, ipc::Service>;
 
 /// What a channel carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -168,6 +173,23 @@ impl Channel {
 
     pub(crate) fn limits(&self) -> Limits {
         self.purpose.limits()
+    }
+
+    /// Asks for messages of one kind with the channel's limits, which whoever opens it must agree on.
+    pub(crate) fn limited<P, H>(&self, messages: Messages<P, H>) -> Messages<P, H>
+    where
+        P: Debug + IceoryxSend + ?Sized,
+        H: Debug + ZeroCopySend,
+    {
+        let limits = self.limits();
+        messages
+            .max_publishers(1)
+            .max_subscribers(limits.readers)
+            .max_nodes(limits.programs())
+            .subscriber_max_buffer_size(limits.buffer)
+            .subscriber_max_borrowed_samples(limits.held)
+            .history_size(limits.history)
+            .enable_safe_overflow(true)
     }
 
     /// Opens the publisher's end of the channel's events, and wakes the readers: they connect when they look.

@@ -99,17 +99,7 @@ pub(crate) fn open<T>(node: &Node, channel: &Channel) -> Result<PortFactory<ipc:
 where
     T: Debug + ZeroCopySend + 'static,
 {
-    let limits = channel.limits();
-    node.inner
-        .service_builder(&channel.service_name())
-        .publish_subscribe::<T>()
-        .max_publishers(1)
-        .max_subscribers(limits.readers)
-        .max_nodes(limits.programs())
-        .subscriber_max_buffer_size(limits.buffer)
-        .subscriber_max_borrowed_samples(limits.held)
-        .history_size(limits.history)
-        .enable_safe_overflow(true)
-        .open_or_create()
-        .map_err(|error| Obstacle::messages(error, channel))
+    let builder = node.inner.service_builder(&channel.service_name());
+    let messages = builder.publish_subscribe::<T>();
+    channel.limited(messages).open_or_create().map_err(|error| Obstacle::messages(error, channel))
 }

@@ -202,18 +202,7 @@ impl Frame {
 }
 
 fn open_frames(node: &Node, channel: &Channel) -> Result<Frames, Obstacle> {
-    let limits = channel.limits();
-    node.inner
-        .service_builder(&channel.service_name())
-        .publish_subscribe::<[u16]>()
-        .user_header::<FrameHeader>()
-        .max_publishers(1)
-        .max_subscribers(limits.readers)
-        .max_nodes(limits.programs())
-        .subscriber_max_buffer_size(limits.buffer)
-        .subscriber_max_borrowed_samples(limits.held)
-        .history_size(limits.history)
-        .enable_safe_overflow(true)
-        .open_or_create()
-        .map_err(|error| Obstacle::messages(error, channel))
+    let builder = node.inner.service_builder(&channel.service_name());
+    let messages = builder.publish_subscribe::<[u16]>().user_header::<FrameHeader>();
+    channel.limited(messages).open_or_create().map_err(|error| Obstacle::messages(error, channel))
 }

@@ -13,7 +13,7 @@
 //! | `coordinates` | f64 (n_trained, n_dims) | where the trained frames lie in the embedding |
 //! | `weights`, `means`, `covariances` | f64 (n_kinds), (n_kinds, n_dims), (n_kinds, n_dims, n_dims) | the kinds |
 //! | `squared_radii` | u64 (n_frames) | of each reference frame to its last neighbour, ascending, counts² |
-//! | `held_out` | f64 (n_held_out, 4) | what novelty is told by, of frames that were held out ([`novelty`](crate::novelty)) |
+//! | `held_out` | f64 (n_held_out, 3) | what novelty is told by, of frames that were held out ([`novelty`](crate::novelty)) |
 //! | `textures` | f64 (n_held_out, 2) | of these frames |
 //! | `whitening_weights`, `whitening_offsets`, `whitening_scales` | i16 (n_directions, n_readings), f64 (n_directions) twice | slow directions ([`whitening`](crate::whitening); where they are compared) |
 //! | `whitening_means`, `whitening_loadings` | f32 (n_readings), (n_directions, n_readings) | what readings change by along them |
@@ -41,7 +41,7 @@ use crate::mds::Embedding;
 use crate::metric::MetricError;
 use crate::mixture::{Mixture, MixtureError};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX};
-use crate::novelty::{N_MEASURES, Novelty};
+use crate::novelty::{N_MEASURED, Novelty};
 use crate::plan::Method;
 use crate::reference::ReferenceSet;
 use crate::response::{Response, TABLE_LEN};
@@ -231,7 +231,7 @@ fn arrays(model: &Model) -> Vec<NamedArray<'_>> {
         array("means", Dtype::F64, &[n_kinds, n_dims], model.mixture.means()),
         array("covariances", Dtype::F64, &[n_kinds, n_dims, n_dims], model.mixture.covariances()),
         array("squared_radii", Dtype::U64, &[n_frames], &model.squared_radii),
-        array("held_out", Dtype::F64, &[n_held_out, N_MEASURES], model.novelty.measures()),
+        array("held_out", Dtype::F64, &[n_held_out, N_MEASURED], model.novelty.measured()),
         array("textures", Dtype::F64, &[n_held_out, N_WAYS], model.novelty.textures().all()),
     ];
     if let Some(embedding) = &model.embedding {
@@ -357,7 +357,7 @@ impl File<'_> {
                 self.array("covariances", Dtype::F64, &[n_kinds, n_dims, n_dims])?.to_vec(),
             )?,
             squared_radii: self.array("squared_radii", Dtype::U64, &[n_frames])?,
-            novelty: Novelty::new(self.array("held_out", Dtype::F64, &[n_held_out, N_MEASURES])?, textures),
+            novelty: Novelty::new(self.array("held_out", Dtype::F64, &[n_held_out, N_MEASURED])?, textures),
             manifest,
         };
         let written = self.array::<u8>(DIGEST, Dtype::U8, &[32])?;
@@ -434,7 +434,7 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
             "rate of false alarms is not between 0 and 1",
         ),
         (
-            model.novelty.measures().iter().all(|measure| *measure >= 0.0),
+            model.novelty.measured().iter().all(|measure| *measure >= 0.0),
             "measures of held-out frames are negative or not numbers",
         ),
         (finite(model.novelty.textures().all()), "textures of held-out frames are not finite numbers"),
@@ -449,32 +449,27 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
 mod tests {
     use super::*;
     use crate::command::{Command, CommandScale, Commands};
-    use crate::em::EmPlan;
+
     use crate::fit::{fit, fit_with_commands};
     use crate::frames::SensorLayout;
     use crate::metric::MetricPlan;
     use crate::model::Origin;
-    use crate::plan::{FitPlan, KindsBy, LandmarkChoice};
+    use crate::plan::FitPlan;
     use crate::response::{ResponsePlan, Scale};
 
     /// Thirty frames of two trips.
     fn model() -> Model {
         let plan = FitPlan {
-            sensor: SensorLayout { rows: 1, columns: 3, metres_per_count: 0.001 },
-            response: ResponsePlan::new(Scale::Range, 4.0),
-            whitening: None,
-            metric: MetricPlan::Euclidean,
-            n_frames_max: usize::MAX,
             method: Method::Pca,
             n_neighbors: Some(4),
-            consecutive_edges: false,
             n_landmarks: 30,
-            landmark_choice: LandmarkChoice::Random,
             n_dims: Some(2),
             n_kinds: Some(2),
-            kinds_by: KindsBy::BicNeff,
-            em: EmPlan::new(0),
-            seed: 0,
+            ..FitPlan::new(
+                SensorLayout { rows: 1, columns: 3, metres_per_count: 0.001 },
+                ResponsePlan::new(Scale::Range, 4.0),
+                0,
+            )
         };
         let counts = (1..91_u32).map(|index| (index * index * 37 % 3001) as u16).collect();
         let origin = Origin { n_frames: vec![12, 18], ..Origin::default() };

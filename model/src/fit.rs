@@ -25,7 +25,7 @@ use crate::plan::{FitPlan, LandmarkChoice, Method};
 use crate::reference::n_held;
 use crate::response::{INVALID, Response, ResponseError};
 use crate::stream::{FrameSource, InMemory, Stream, StreamError};
-use crate::texture::{N_WAYS, Weave};
+use crate::texture::Weave;
 use crate::whitening::{Pairs, Whitening};
 
 /// Most readings that can be coordinates as they are.
@@ -299,7 +299,7 @@ pub fn fit_stream<E: Send>(
         n_readings,
         comparison: comparison.clone(),
         weave: weave_of(plan)?,
-        textures: vec![[0.0; N_WAYS]; n_trained],
+        textures: Vec::with_capacity(n_trained),
         commands: None,
     };
     let mut done = |n_done| progress(Step::References, n_done, n_trained);

@@ -35,6 +35,9 @@ use crate::texture::{Texture, Textures};
 /// Measures of how unlike other frames a frame is.
 pub(crate) const N_MEASURES: usize = 4;
 
+/// Those of them that a file holds: textures say the last.
+pub(crate) const N_MEASURED: usize = 3;
+
 /// What a frame measures: squared Mahalanobis distance, squared distance to the nearest reference frame (counts²), stress
 /// (counts²), distance of the texture from the middle one (ranks, twice).
 pub(crate) type Measures = [f64; N_MEASURES];
@@ -48,8 +51,8 @@ pub const FALSE_ALARM_RATE: f64 = 0.01;
 /// What is usual, to rank frames by.
 #[derive(Clone, Debug)]
 pub struct Novelty {
-    /// Of held-out frames in order of time, shape `(n_held_out, N_MEASURES)`.
-    measures: Array<f64>,
+    /// Of held-out frames in order of time, all but what their textures say, shape `(n_held_out, N_MEASURED)`.
+    measured: Array<f64>,
     textures: Textures,
     /// Each measure for itself, ascending.
     sorted: [Vec<f64>; N_MEASURES],
@@ -58,18 +61,16 @@ pub struct Novelty {
 }
 
 impl Novelty {
-    /// * `measures` — of held-out frames, at least one, shape `(n_held_out, N_MEASURES)`, no NaN
+    /// * `measured` — of held-out frames, at least one, shape `(n_held_out, N_MEASURED)`, no NaN
     /// * `textures` — theirs
-    pub(crate) fn new(measures: Array<f64>, textures: Textures) -> Self {
-        let (frames, _) = measures.as_chunks::<N_MEASURES>();
-        let sorted = std::array::from_fn(|measure| {
-            let mut sorted: Vec<f64> = frames.iter().map(|frame| frame[measure]).collect();
-            sorted.sort_by(f64::total_cmp);
-            sorted
-        });
-        let mut highest_ranks: Vec<usize> = frames.iter().map(|frame| highest_rank(&sorted, frame)).collect();
-        highest_ranks.sort_unstable();
-        Self { sorted, highest_ranks, measures, textures }
+    pub(crate) fn new(measured: Array<f64>, textures: Textures) -> Self {
+        let (rows, _) = measured.as_chunks::<N_MEASURED>();
+        let measures = |(index, &[mahalanobis, nearest, stress]): (usize, &[f64; N_MEASURED])| {
+            [mahalanobis, nearest, stress, textures.distance_from_middle(textures.of(index))]
+        };
+        let frames: Vec<Measures> = rows.iter().enumerate().map(measures).collect();
+        let (sorted, highest_ranks) = ranked(&frames);
+        Self { sorted, highest_ranks, measured, textures }
     }
 
     /// Trained frames that were held out.
@@ -77,9 +78,9 @@ impl Novelty {
         self.highest_ranks.len()
     }
 
-    /// Of held-out frames in order of time, shape `(n_held_out, N_MEASURES)`.
-    pub(crate) fn measures(&self) -> &[f64] {
-        &self.measures
+    /// Of held-out frames in order of time, shape `(n_held_out, N_MEASURED)`.
+    pub(crate) fn measured(&self) -> &[f64] {
+        &self.measured
     }
 
     /// Of held-out frames.
@@ -95,6 +96,18 @@ impl Novelty {
         let n_below = self.highest_ranks.partition_point(|rank| *rank < highest);
         n_below as f64 / self.n_held_out() as f64
     }
+}
+
+/// Each measure of some frames for itself, and the frames' highest ranks, all ascending.
+fn ranked(frames: &[Measures]) -> ([Vec<f64>; N_MEASURES], Vec<usize>) {
+    let sorted = std::array::from_fn(|measure| {
+        let mut sorted: Vec<f64> = frames.iter().map(|frame| frame[measure]).collect();
+        sorted.sort_by(f64::total_cmp);
+        sorted
+    });
+    let mut highest_ranks: Vec<usize> = frames.iter().map(|frame| highest_rank(&sorted, frame)).collect();
+    highest_ranks.sort_unstable();
+    (sorted, highest_ranks)
 }
 
 /// The most frames that a frame is above in any measure. What is not a number is above all.
@@ -148,7 +161,6 @@ impl Usual<'_> {
     ) -> Novelty {
         let n_around = (0.5 * self.references.n_trained() as f64 / n_frames_effective).ceil() as usize;
         let stress = self.stress();
-        let textures = Textures::new(textures.as_flattened().to_vec().into());
         let n_kinds = self.mixture.n_kinds();
         let memory = || {
             let placer = Placer::new(self.manifold, self.n_neighbors);
@@ -156,17 +168,16 @@ impl Usual<'_> {
         };
         let measured = trained.par_iter().enumerate().map_init(
             memory,
-            |(placer, coordinates, probabilities), (index, &trained)| -> Measures {
+            |(placer, coordinates, probabilities), (index, &trained)| {
                 let hidden = self.around(trained, trips, n_around);
                 let nearest = placer.place_without(metric, self.manifold, row(index), hidden, coordinates);
                 let density = self.mixture.density(coordinates, probabilities);
                 let stress = stress.of(placer.lengths(), coordinates);
-                let texture = textures.distance_from_middle(textures.of(index));
-                [density.squared_mahalanobis, nearest.squared_distance as f64, stress, texture]
+                [density.squared_mahalanobis, nearest.squared_distance as f64, stress]
             },
         );
-        let measures: Vec<Measures> = measured.collect();
-        Novelty::new(measures.into_flattened().into(), textures)
+        let measured: Vec<[f64; N_MEASURED]> = measured.collect();
+        Novelty::new(measured.into_flattened().into(), Textures::new(textures.as_flattened().to_vec().into()))
     }
 
     /// Reference frames of the part of a trip around a trained frame, but so few that neighbours enough are left.
@@ -210,7 +221,9 @@ mod tests {
     use super::*;
 
     fn measures(frames: &[Measures]) -> Novelty {
-        Novelty::new(frames.concat().into(), Textures::new(vec![0.0; 2 * frames.len()].into()))
+        let (sorted, highest_ranks) = ranked(frames);
+        let none = || Vec::new().into();
+        Novelty { sorted, highest_ranks, measured: none(), textures: Textures::new(none()) }
     }
 
     proptest! {

@@ -92,3 +92,29 @@ pub struct FitPlan {
     /// Seed of the landmarks.
     pub seed: u64,
 }
+
+impl FitPlan {
+    /// The plainest plan: Isomap of all readings by Euclidean distances, that keeps all frames and takes each for a landmark, and
+    /// leaves neighbours, dimensions and kinds to the evidence.
+    ///
+    /// * `seed` — of the landmarks and of the mixture
+    pub fn new(sensor: SensorLayout, response: ResponsePlan, seed: u64) -> Self {
+        Self {
+            sensor,
+            response,
+            whitening: None,
+            metric: MetricPlan::Euclidean,
+            n_frames_max: usize::MAX,
+            method: Method::Isomap,
+            n_neighbors: None,
+            consecutive_edges: false,
+            n_landmarks: usize::MAX,
+            landmark_choice: LandmarkChoice::Random,
+            n_dims: None,
+            n_kinds: None,
+            kinds_by: KindsBy::BicNeff,
+            em: EmPlan::new(seed),
+            seed,
+        }
+    }
+}

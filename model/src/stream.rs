@@ -102,7 +102,7 @@ pub(crate) struct Stream<'a, E> {
     pub(crate) n_readings: usize,
     pub(crate) comparison: Comparison,
     pub(crate) weave: Weave,
-    /// Of the frames that have been read, shape `(n_frames,)`.
+    /// Of the frames that have been read, in order; of all after the first pass.
     pub(crate) textures: Vec<Texture>,
     /// And the command of each frame.
     pub(crate) commands: Option<(CommandScale, &'a [Command])>,
@@ -206,7 +206,10 @@ impl<E: Send> Stream<'_, E> {
             let (compared, command) = row.split_at_mut(n_compared);
             self.source.read(&mut raw)?;
             self.comparison.map(&raw, &mut scratch, compared);
-            self.textures[index] = self.weave.of(self.comparison.readings(&scratch, compared));
+            // In the first pass; the others see the same frames.
+            if self.textures.len() == index {
+                self.textures.push(self.weave.of(self.comparison.readings(&scratch, compared)));
+            }
             if let Some((scale, commands)) = &self.commands {
                 command.copy_from_slice(&scale.counts(&commands[index]));
             }
@@ -220,7 +223,6 @@ mod tests {
     use super::*;
     use crate::metric::{AnyMetric, Euclidean};
     use crate::response::{Response, ResponsePlan, Scale};
-    use crate::texture::N_WAYS;
 
     #[test]
     fn every_pass_goes_through_all_frames_once_and_in_their_order() {
@@ -231,8 +233,8 @@ mod tests {
             let source = &mut InMemory::new(2, counts.clone());
             let comparison = Comparison { response, whitening: None };
             let weave = Weave::new(crate::testing::layout(1, 2), &AnyMetric::Euclidean(Euclidean));
-            let textures = vec![[0.0; N_WAYS]; n_frames];
-            let mut stream = Stream { source, n_readings: 2, comparison, weave, textures, commands: None };
+            let mut stream =
+                Stream { source, n_readings: 2, comparison, weave, textures: Vec::new(), commands: None };
             let mut passed = Vec::new();
             for _ in 0..2 {
                 passed.clear();

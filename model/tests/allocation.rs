@@ -5,8 +5,8 @@ mod waves;
 use std::sync::Arc;
 
 use kinds_model::{
-    Classifier, Command, Commands, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Origin,
-    ResponsePlan, Scale, SensorLayout, Status, fit, fit_with_commands,
+    Classifier, Command, Commands, EmPlan, FitPlan, Method, MetricPlan, Origin, ResponsePlan, Scale,
+    SensorLayout, Status, fit, fit_with_commands,
 };
 use peak_alloc::PeakAlloc;
 
@@ -19,21 +19,14 @@ const N_FRAMES: usize = 300;
 
 fn plan(sensor: SensorLayout, method: Method, metric: MetricPlan) -> FitPlan {
     FitPlan {
-        sensor,
-        response: ResponsePlan::new(Scale::Inverse, 20.0),
-        whitening: None,
         metric,
-        n_frames_max: usize::MAX,
         method,
         n_neighbors: Some(10),
-        consecutive_edges: false,
         n_landmarks: 100,
-        landmark_choice: LandmarkChoice::Random,
         n_dims: if method == Method::Native { None } else { Some(5) },
         n_kinds: Some(3),
-        kinds_by: KindsBy::BicNeff,
         em: EmPlan { n_starts: 1, ..EmPlan::new(0) },
-        seed: 0,
+        ..FitPlan::new(sensor, ResponsePlan::new(Scale::Inverse, 20.0), 0)
     }
 }
 

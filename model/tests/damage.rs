@@ -1,30 +1,21 @@
 //! Every byte of a small model's file, damaged in turn: refused in words, or it changes nothing.
 
 use bytes::Bytes;
-use kinds_model::{
-    EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Origin, ResponsePlan, Scale, SensorLayout,
-    file, fit,
-};
+use kinds_model::{FitPlan, Origin, ResponsePlan, Scale, SensorLayout, file, fit};
 use rayon::prelude::*;
 
 /// Of geodesics, so that every array there can be is in it.
 fn small_model() -> Vec<u8> {
     let plan = FitPlan {
-        sensor: SensorLayout { rows: 1, columns: 3, metres_per_count: 0.001 },
-        response: ResponsePlan::new(Scale::Range, 4.0),
-        whitening: None,
-        metric: MetricPlan::Euclidean,
-        n_frames_max: usize::MAX,
-        method: Method::Isomap,
         n_neighbors: Some(4),
-        consecutive_edges: false,
         n_landmarks: 30,
-        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(2),
         n_kinds: Some(2),
-        kinds_by: KindsBy::BicNeff,
-        em: EmPlan::new(0),
-        seed: 0,
+        ..FitPlan::new(
+            SensorLayout { rows: 1, columns: 3, metres_per_count: 0.001 },
+            ResponsePlan::new(Scale::Range, 4.0),
+            0,
+        )
     };
     let counts = (1..91_u32).map(|index| (index * index * 37 % 3001) as u16).collect();
     let origin = Origin { n_frames: vec![12, 18], ..Origin::default() };

@@ -6,8 +6,8 @@ use kinds_model::evidence::{
     N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_bound, best_by_held_out, runner_up_by_bound, try_kinds,
 };
 use kinds_model::{
-    EmPlan, FitPlan, KindsBy, KindsTrial, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan,
-    Scale, SensorLayout, Size, file, fit, refit,
+    EmPlan, FitPlan, KindsBy, KindsTrial, Method, Model, Origin, ResponsePlan, Scale, SensorLayout, Size,
+    file, fit, refit,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -48,21 +48,13 @@ fn cube(n_dims: usize, n_frames: usize) -> Vec<u16> {
 /// Counts compared as they are: a metre each.
 fn as_they_are(n_readings: usize) -> FitPlan {
     FitPlan {
-        sensor: SensorLayout { rows: 1, columns: n_readings as u32, metres_per_count: 1.0 },
-        response: ResponsePlan::new(Scale::Range, 65_535.0),
-        whitening: None,
-        metric: MetricPlan::Euclidean,
-        n_frames_max: usize::MAX,
-        method: Method::Isomap,
         n_neighbors: Some(10),
-        consecutive_edges: false,
         n_landmarks: 500,
-        landmark_choice: LandmarkChoice::Random,
-        n_dims: None,
-        n_kinds: None,
-        kinds_by: KindsBy::BicNeff,
-        em: EmPlan::new(1),
-        seed: 1,
+        ..FitPlan::new(
+            SensorLayout { rows: 1, columns: n_readings as u32, metres_per_count: 1.0 },
+            ResponsePlan::new(Scale::Range, 65_535.0),
+            1,
+        )
     }
 }
 

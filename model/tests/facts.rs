@@ -5,9 +5,9 @@ use std::sync::Arc;
 use bytes::Bytes;
 use kinds_model::metric::{Euclidean, Metric};
 use kinds_model::{
-    Classifier, Command, Commands, Covariance, EmPlan, FitError, FitPlan, Frames, KindsBy, LandmarkChoice,
-    Method, MetricPlan, Model, ModelFileError, Origin, ResponsePlan, Scale, SensorLayout, Size, Status, file,
-    fit, fit_with_commands, refit,
+    Classifier, Command, Commands, Covariance, EmPlan, FitError, FitPlan, Frames, LandmarkChoice, Method,
+    MetricPlan, Model, ModelFileError, Origin, ResponsePlan, Scale, SensorLayout, Size, Status, file, fit,
+    fit_with_commands, refit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -35,21 +35,16 @@ fn trip(n_frames: usize, seed: u64) -> Vec<u16> {
 
 fn plan(method: Method) -> FitPlan {
     FitPlan {
-        sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
-        response: ResponsePlan::new(Scale::Inverse, 4.0),
-        whitening: None,
-        metric: MetricPlan::Euclidean,
-        n_frames_max: usize::MAX,
         method,
         n_neighbors: Some(6),
-        consecutive_edges: false,
         n_landmarks: 40,
-        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(3),
         n_kinds: Some(3),
-        kinds_by: KindsBy::BicNeff,
-        em: EmPlan::new(1),
-        seed: 1,
+        ..FitPlan::new(
+            SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
+            ResponsePlan::new(Scale::Inverse, 4.0),
+            1,
+        )
     }
 }
 

@@ -15,8 +15,7 @@ use kinds_model::mixture::{Mixture, most_probable};
 use kinds_model::neighbors::nearest_of_each;
 use kinds_model::residual_variance::{elbow, residual_variance};
 use kinds_model::{
-    Covariance, EmPlan, FitPlan, Frames, KindsBy, LandmarkChoice, Method, MetricPlan, Origin, ResponsePlan,
-    Scale, SensorLayout, fit,
+    Covariance, EmPlan, FitPlan, Frames, Method, Origin, ResponsePlan, Scale, SensorLayout, fit,
 };
 use safetensors::SafeTensors;
 
@@ -265,21 +264,15 @@ const DIGITS: SensorLayout = SensorLayout { rows: 8, columns: 8, metres_per_coun
 /// taken for 0 m.
 fn digits_plan(method: Method) -> FitPlan {
     FitPlan {
-        sensor: DIGITS,
-        response: ResponsePlan { invalid_range_m: 0.0, ..ResponsePlan::new(Scale::Range, 16.0) },
-        whitening: None,
-        metric: MetricPlan::Euclidean,
-        n_frames_max: usize::MAX,
         method,
         n_neighbors: Some(10),
-        consecutive_edges: false,
-        n_landmarks: usize::MAX,
-        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(8),
         n_kinds: Some(10),
-        kinds_by: KindsBy::BicNeff,
-        em: EmPlan::new(0),
-        seed: 0,
+        ..FitPlan::new(
+            DIGITS,
+            ResponsePlan { invalid_range_m: 0.0, ..ResponsePlan::new(Scale::Range, 16.0) },
+            0,
+        )
     }
 }
 

@@ -1,10 +1,7 @@
 //! What fitting holds, beyond the frames: the geodesics and a few matrices of landmarks. Alone in its program, since the
 //! allocator counts for all tests of one.
 
-use kinds_model::{
-    EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Origin, ResponsePlan, Scale, SensorLayout,
-    fit,
-};
+use kinds_model::{EmPlan, FitPlan, Method, Origin, ResponsePlan, Scale, SensorLayout, fit};
 use peak_alloc::PeakAlloc;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -33,21 +30,15 @@ fn trip(n_frames: usize) -> Vec<u16> {
 /// Most bytes held at once while everything but neighbours and kinds is chosen by evidence, beyond those held before.
 fn held(n_frames: usize, n_landmarks: usize, method: Method) -> usize {
     let plan = FitPlan {
-        sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
-        response: ResponsePlan::new(Scale::Range, 20.0),
-        whitening: None,
-        metric: MetricPlan::Euclidean,
-        n_frames_max: usize::MAX,
         method,
-        n_neighbors: None,
-        consecutive_edges: false,
         n_landmarks,
-        landmark_choice: LandmarkChoice::Random,
-        n_dims: None,
         n_kinds: Some(4),
-        kinds_by: KindsBy::BicNeff,
         em: EmPlan { n_starts: 2, ..EmPlan::new(0) },
-        seed: 0,
+        ..FitPlan::new(
+            SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
+            ResponsePlan::new(Scale::Range, 20.0),
+            0,
+        )
     };
     let counts = trip(n_frames);
     let before = ALLOCATOR.current_usage();

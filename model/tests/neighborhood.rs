@@ -10,8 +10,8 @@ use kinds_model::neighborhood::{
 };
 use kinds_model::neighbors::{NeighborLists, nearest_of_each};
 use kinds_model::{
-    EmPlan, FitPlan, Frames, KindsBy, LandmarkChoice, Method, MetricPlan, Model, NeighborsTrial, Origin,
-    ResponsePlan, Scale, SensorLayout, file, fit,
+    FitPlan, Frames, LandmarkChoice, Method, Model, NeighborsTrial, Origin, ResponsePlan, Scale,
+    SensorLayout, file, fit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -217,21 +217,15 @@ fn frames_seen_twice_change_no_estimate() {
 /// Counts compared as they are: a metre each.
 fn as_they_are(landmark_choice: LandmarkChoice, n_neighbors: Option<usize>) -> FitPlan {
     FitPlan {
-        sensor: SensorLayout { rows: 1, columns: 50, metres_per_count: 1.0 },
-        response: ResponsePlan::new(Scale::Range, 65_535.0),
-        whitening: None,
-        metric: MetricPlan::Euclidean,
-        n_frames_max: usize::MAX,
-        method: Method::Isomap,
         n_neighbors,
-        consecutive_edges: false,
         n_landmarks: 60,
         landmark_choice,
-        n_dims: None,
         n_kinds: Some(2),
-        kinds_by: KindsBy::BicNeff,
-        em: EmPlan::new(1),
-        seed: 1,
+        ..FitPlan::new(
+            SensorLayout { rows: 1, columns: 50, metres_per_count: 1.0 },
+            ResponsePlan::new(Scale::Range, 65_535.0),
+            1,
+        )
     }
 }
 

@@ -4,8 +4,7 @@
 use std::sync::Arc;
 
 use kinds_model::{
-    Classifier, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan,
-    Scale, SensorLayout, fit,
+    Classifier, EmPlan, FitPlan, Method, Model, Origin, ResponsePlan, Scale, SensorLayout, fit,
 };
 use proptest::prelude::*;
 use rand::RngExt;
@@ -19,21 +18,15 @@ const N_FRAMES: usize = 60;
 /// Ranges in mm, compared as they are: far below the longest, so that they can be scaled and moved.
 fn plan(method: Method) -> FitPlan {
     FitPlan {
-        sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
-        response: ResponsePlan::new(Scale::Range, 65.535),
-        whitening: None,
-        metric: MetricPlan::Euclidean,
-        n_frames_max: usize::MAX,
         method,
         n_neighbors: Some(5),
-        consecutive_edges: false,
-        n_landmarks: usize::MAX,
-        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(2),
         n_kinds: Some(3),
-        kinds_by: KindsBy::BicNeff,
-        em: EmPlan::new(1),
-        seed: 1,
+        ..FitPlan::new(
+            SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
+            ResponsePlan::new(Scale::Range, 65.535),
+            1,
+        )
     }
 }
 

@@ -8,9 +8,8 @@ use kinds_model::autocorrelation::n_frames_effective;
 use kinds_model::metric::{Euclidean, Metric};
 use kinds_model::neighbors::length;
 use kinds_model::{
-    Classifier, Command, Commands, EmPlan, FitPlan, FrameSource, KindsBy, LandmarkChoice, Method, MetricPlan,
-    Model, Origin, ResponsePlan, Scale, SensorLayout, Size, StreamError, file, fit, fit_stream,
-    fit_with_commands, refit,
+    Classifier, Command, Commands, FitPlan, FrameSource, Method, Model, Origin, ResponsePlan, Scale,
+    SensorLayout, Size, StreamError, file, fit, fit_stream, fit_with_commands, refit,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -38,21 +37,17 @@ fn trips() -> Vec<u16> {
 
 fn plan(method: Method, n_frames_max: usize) -> FitPlan {
     FitPlan {
-        sensor: SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
-        response: ResponsePlan::new(Scale::Inverse, 4.0),
-        whitening: None,
-        metric: MetricPlan::Euclidean,
         n_frames_max,
         method,
         n_neighbors: Some(6),
-        consecutive_edges: false,
         n_landmarks: 40,
-        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(N_DIMS),
         n_kinds: Some(3),
-        kinds_by: KindsBy::BicNeff,
-        em: EmPlan::new(1),
-        seed: 1,
+        ..FitPlan::new(
+            SensorLayout { rows: 1, columns: N_READINGS as u32, metres_per_count: 0.001 },
+            ResponsePlan::new(Scale::Inverse, 4.0),
+            1,
+        )
     }
 }
 

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use kinds_model::{
-    Classifier, EmPlan, FitError, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin,
-    ResponsePlan, Scale, SensorLayout, Size, WhiteningPlan, file, fit, refit,
+    Classifier, FitError, FitPlan, Method, MetricPlan, Model, Origin, ResponsePlan, Scale, SensorLayout,
+    Size, WhiteningPlan, file, fit, refit,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -31,21 +31,17 @@ fn trip() -> Vec<u16> {
 
 fn plan(whitening: Option<WhiteningPlan>, n_frames_max: usize) -> FitPlan {
     FitPlan {
-        sensor: SensorLayout { rows: 6, columns: 10, metres_per_count: 0.001 },
-        response: ResponsePlan::new(Scale::Inverse, 4.0),
         whitening,
-        metric: MetricPlan::Euclidean,
         n_frames_max,
-        method: Method::Isomap,
         n_neighbors: Some(6),
-        consecutive_edges: false,
         n_landmarks: 40,
-        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(N_DIMS),
         n_kinds: Some(3),
-        kinds_by: KindsBy::BicNeff,
-        em: EmPlan::new(1),
-        seed: 1,
+        ..FitPlan::new(
+            SensorLayout { rows: 6, columns: 10, metres_per_count: 0.001 },
+            ResponsePlan::new(Scale::Inverse, 4.0),
+            1,
+        )
     }
 }
 

@@ -15,8 +15,8 @@ use kinds_messages::{
     ReportPublisher, ReportReader, ReportStatus, Waiting, WakeUp,
 };
 use kinds_model::{
-    Classification, Classifier, Command, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan,
-    ModelId, Origin, ResponsePlan, Scale, SensorLayout, fit,
+    Classification, Classifier, Command, EmPlan, FitPlan, ModelId, Origin, ResponsePlan, Scale, SensorLayout,
+    fit,
 };
 use kinds_service::{Classify, Service};
 
@@ -130,21 +130,12 @@ const N_FRAMES: usize = 300;
 
 fn classifier(sensor: SensorLayout) -> Classifier {
     let plan = FitPlan {
-        sensor,
-        response: ResponsePlan::new(Scale::Inverse, 20.0),
-        whitening: None,
-        metric: MetricPlan::Euclidean,
-        n_frames_max: usize::MAX,
-        method: Method::Isomap,
         n_neighbors: Some(10),
-        consecutive_edges: false,
         n_landmarks: 100,
-        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(5),
         n_kinds: Some(3),
-        kinds_by: KindsBy::BicNeff,
         em: EmPlan { n_starts: 1, ..EmPlan::new(0) },
-        seed: 0,
+        ..FitPlan::new(sensor, ResponsePlan::new(Scale::Inverse, 20.0), 0)
     };
     let model = fit(trip(sensor, N_FRAMES), &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
     Classifier::new(Arc::new(model))

@@ -6,10 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor};
-use kinds_model::{
-    Classifier, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan,
-    Scale, SensorLayout, fit,
-};
+use kinds_model::{Classifier, EmPlan, FitPlan, Model, Origin, ResponsePlan, Scale, SensorLayout, fit};
 use kinds_trainer::{Config, load, train};
 use kinds_trips::Selection;
 use rand::RngExt;
@@ -96,21 +93,13 @@ impl Trip {
 /// A model of a simulated robot's trip.
 fn learnt(trip: &Trip, range_m_max: f64) -> Model {
     let plan = FitPlan {
-        sensor: trip.layout,
-        response: ResponsePlan::new(Scale::Inverse, range_m_max),
-        whitening: None,
-        metric: MetricPlan::Euclidean,
         n_frames_max: 4000,
-        method: Method::Isomap,
         n_neighbors: Some(10),
-        consecutive_edges: false,
         n_landmarks: 500,
-        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(8),
         n_kinds: Some(5),
-        kinds_by: KindsBy::BicNeff,
         em: EmPlan { n_starts: 2, ..EmPlan::new(0) },
-        seed: 0,
+        ..FitPlan::new(trip.layout, ResponsePlan::new(Scale::Inverse, range_m_max), 0)
     };
     fit(trip.counts.clone(), &plan, Origin::default(), &mut |_, _, _| ()).unwrap()
 }

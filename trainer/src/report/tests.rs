@@ -7,10 +7,7 @@ mod topology;
 use std::collections::BTreeMap;
 
 use kinds_model::mixture::most_probable;
-use kinds_model::{
-    EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, MetricPlan, Model, Origin, ResponsePlan, Scale,
-    SensorLayout, fit,
-};
+use kinds_model::{FitPlan, Model, Origin, ResponsePlan, Scale, SensorLayout, fit};
 use kinds_trips::{Command, Pose};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -54,21 +51,12 @@ fn model_keeping(
         }
     }
     let plan = FitPlan {
-        sensor,
-        response: ResponsePlan::new(scale, 4.0),
-        whitening: None,
-        metric: MetricPlan::Euclidean,
         n_frames_max,
-        method: Method::Isomap,
         n_neighbors: Some(8),
-        consecutive_edges: false,
         n_landmarks: 60,
-        landmark_choice: LandmarkChoice::Random,
         n_dims: Some(n_dims),
         n_kinds: Some(n_kinds),
-        kinds_by: KindsBy::BicNeff,
-        em: EmPlan::new(1),
-        seed: 1,
+        ..FitPlan::new(sensor, ResponsePlan::new(scale, 4.0), 1)
     };
     fit(counts, &plan, Origin::default(), &mut |_, _, _| ()).unwrap()
 }
