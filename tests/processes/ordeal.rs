@@ -58,7 +58,13 @@ impl<'a> Ordeal<'a> {
             kills_ns: [const { Vec::new() }; 4],
             longest_return: Duration::ZERO,
         };
-        PROGRAMS.into_iter().rev().for_each(|program| ordeal.start(program));
+        for program in PROGRAMS.into_iter().rev() {
+            ordeal.start(program);
+            if program == Program::Service {
+                // A shim publishes to whoever reads, and the witness does: what came before the service is nobody's loss.
+                ordeal.await_serving();
+            }
+        }
         ordeal.check_all_is_well();
         ordeal
     }
@@ -134,12 +140,16 @@ impl<'a> Ordeal<'a> {
         assert!(window[1..].iter().all(|report| report.n_lost == 0), "{window:?}");
     }
 
+    fn await_serving(&self) {
+        self.running(Program::Service).await_out(&format!("serving {SENSOR}: "));
+    }
+
     /// Waits until all four do their part and more reports have come. Returns how many there were when the last of the four
     /// did.
     #[track_caller]
     pub(crate) fn await_all(&mut self) -> usize {
         let start = Instant::now();
-        self.running(Program::Service).await_out(&format!("serving {SENSOR}: "));
+        self.await_serving();
         await_that(|| !recordings(self.robot).is_empty());
         // A consumer is shown the last report when it comes, whatever the others do: the second is news.
         await_that(|| self.running(Program::Consumer).n_out() > 1);
