@@ -157,15 +157,8 @@ impl Domain {
         listed.map_err(|error| unlisted(&error))?;
         let (channels, n_services) = channels(&config).map_err(|error| unlisted(&error))?;
         let programs = members.iter().map(|member| member.program.clone()).collect();
-        let n_unreadable = self.n_service_files().saturating_sub(n_services);
+        let n_unreadable = self.service_files().len().saturating_sub(n_services);
         Ok((Census { programs, channels, n_unreadable }, members))
-    }
-
-    /// Files that stand for a service each.
-    fn n_service_files(&self) -> usize {
-        let files = std::fs::read_dir(self.root.join("services")).into_iter().flatten().flatten();
-        let is_service = |name: &str| name.starts_with(&self.prefix) && name.ends_with(".service");
-        files.filter(|file| is_service(&file.file_name().to_string_lossy())).count()
     }
 }
 

@@ -11,7 +11,7 @@ use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::event::PortFactory as Events;
 
 use crate::error::Obstacle;
-use crate::{ChannelError, Node, SensorName};
+use crate::{ChannelError, Node, SensorName, half_made};
 
 /// Most programs that read a sensor's frames at one time.
 pub const MAX_FRAME_READERS: usize = 8;
@@ -160,7 +160,7 @@ pub(crate) struct Channel {
 
 impl Channel {
     pub(crate) fn new(node: &Node, sensor: &SensorName, purpose: Purpose) -> Self {
-        Self { sensor: sensor.clone(), purpose, root: node.root.clone() }
+        Self { sensor: sensor.clone(), purpose, root: node.domain.root.clone() }
     }
 
     pub(crate) fn name(&self) -> String {
@@ -247,6 +247,7 @@ pub(crate) fn patiently<T>(
             return Err(obstacle.error);
         }
         node.clean_up_dead_nodes();
+        half_made::remove(&node.domain);
         std::thread::sleep(PAUSE);
     }
 }

@@ -103,6 +103,17 @@ impl Domain {
         Ok(is_inhabited)
     }
 
+    /// Files of which each stands for a service of the transport: a channel's messages, or its events.
+    pub(crate) fn service_files(&self) -> Vec<PathBuf> {
+        let is_service = |file: &DirEntry| {
+            let name = file.file_name();
+            let name = name.to_string_lossy();
+            name.starts_with(&self.prefix) && name.ends_with(".service")
+        };
+        let files = std::fs::read_dir(self.root.join("services")).into_iter().flatten().flatten();
+        files.filter(is_service).map(|file| file.path()).collect()
+    }
+
     /// The transport's configuration for this domain. Passing one keeps it from looking for configuration files.
     pub(crate) fn config(&self) -> Result<Config, DomainError> {
         let root = || self.root.clone();

@@ -45,6 +45,7 @@ mod error;
 mod fixed;
 mod frame_header;
 mod frames;
+mod half_made;
 mod health;
 mod health_report;
 mod kind_report;

@@ -3,7 +3,6 @@
 use std::fs::File;
 use std::io::Write as _;
 use std::os::fd::AsRawFd as _;
-use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Once;
 
@@ -22,7 +21,7 @@ use crate::{ChannelError, Domain};
 #[derive(Clone, Debug)]
 pub struct Node {
     pub(crate) inner: Rc<iceoryx2::node::Node<ipc::Service>>,
-    pub(crate) root: PathBuf,
+    pub(crate) domain: Domain,
 }
 
 impl Node {
@@ -57,7 +56,7 @@ impl Node {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
             .map_err(|error| ChannelError::node(error, domain))?;
-        Ok(Self { inner: Rc::new(inner), root: domain.root.clone() })
+        Ok(Self { inner: Rc::new(inner), domain: domain.clone() })
     }
 
     /// Removes what killed programs left behind in this domain, and returns how many there were.
