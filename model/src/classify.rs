@@ -4,11 +4,11 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use crate::command::{Command, with_metric};
+use crate::features::{Extractor, Features};
 use crate::mixture::most_probable;
 use crate::model::Model;
 use crate::out_of_sample::Placer;
 use crate::stress::Stress;
-use crate::texture::{N_WAYS, Texture, Weave};
 
 /// Whether a frame could be classified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,19 +52,22 @@ pub struct Classifier {
     scratch: Vec<u16>,
     placer: Placer,
     stress: Stress,
-    weave: Weave,
+    extractor: Extractor,
+    features: Features,
     classification: Classification,
 }
 
 impl Classifier {
     /// Prepares to classify with a model.
     pub fn new(model: Arc<Model>) -> Self {
+        let extractor = Extractor::new(model.layout(), model.metric());
         Self {
             mapped: vec![0; model.frames().n_columns()],
             scratch: model.comparison.scratch(),
             placer: Placer::new(model.manifold(), model.manifest().n_neighbors),
             stress: model.usual().stress(),
-            weave: Weave::new(model.layout(), model.metric()),
+            extractor,
+            features: extractor.memory(),
             classification: Classification {
                 status: Status::Invalid,
                 kind: 0,
@@ -89,7 +92,7 @@ impl Classifier {
         let n_frames = self.model.frames().n_frames();
         for index in (0..n_frames).step_by(n_frames.div_ceil(N_WARM_UP)) {
             self.mapped.copy_from_slice(self.model.frames().row(index));
-            self.locate([0.0; N_WAYS]);
+            self.locate();
         }
         // A frame of raw counts would touch only some entries of the response.
         black_box(self.model.response().table().iter().fold(0, |all, entry| all ^ entry));
@@ -124,8 +127,9 @@ impl Classifier {
             self.know_nothing();
         } else {
             let compared = &self.mapped[..self.model.frames().n_readings()];
-            let texture = self.weave.of(self.model.comparison.readings(&self.scratch, compared));
-            self.locate(texture);
+            let readings = self.model.comparison.readings(&self.scratch, compared);
+            self.extractor.extract(readings, &mut self.features);
+            self.locate();
         }
         self.classification.kind = most_probable(&self.classification.probabilities);
         &self.classification
@@ -141,19 +145,19 @@ impl Classifier {
     }
 
     /// Finds coordinates, probabilities and novelty.
-    fn locate(&mut self, texture: Texture) {
-        let Self { model, mapped, placer, stress, classification, .. } = self;
+    fn locate(&mut self) {
+        let Self { model, mapped, placer, stress, features, classification, .. } = self;
         classification.status = Status::Classified;
         let nearest = with_metric!(model.metric(), model.commands(), |metric| {
             placer.place(metric, model.manifold(), mapped, &mut classification.coordinates)
         });
         let density = model.mixture().density(&classification.coordinates, &mut classification.probabilities);
         classification.log_likelihood = density.log_likelihood;
-        classification.novelty = model.novelty().of(&[
+        let measured = [
             density.squared_mahalanobis,
             nearest.squared_distance as f64,
             stress.of(placer.lengths(), &classification.coordinates),
-            model.novelty().textures().distance_from_middle(texture),
-        ]);
+        ];
+        classification.novelty = model.novelty().of(measured, features);
     }
 }

@@ -13,8 +13,9 @@
 //! | `coordinates` | f64 (n_trained, n_dims) | where the trained frames lie in the embedding |
 //! | `weights`, `means`, `covariances` | f64 (n_kinds), (n_kinds, n_dims), (n_kinds, n_dims, n_dims) | the kinds |
 //! | `squared_radii` | u64 (n_frames) | of each reference frame to its last neighbour, ascending, counts² |
-//! | `held_out` | f64 (n_held_out, 3) | what novelty is told by, of frames that were held out ([`novelty`](crate::novelty)) |
+//! | `held_out` | f64 (n_held_out, 4) | what novelty is told by, of frames that were held out ([`novelty`](crate::novelty)) |
 //! | `textures` | f64 (n_held_out, 2) | of these frames |
+//! | `form_means`, `form_covariance` | f64 (n_tiles), (n_tiles, n_tiles) | what trained frames look like from afar (where that is told) |
 //! | `whitening_weights`, `whitening_offsets`, `whitening_scales` | i16 (n_directions, n_readings), f64 (n_directions) twice | slow directions ([`whitening`](crate::whitening); where they are compared) |
 //! | `whitening_means`, `whitening_loadings` | f32 (n_readings), (n_directions, n_readings) | what readings change by along them |
 //! | `landmarks` | u32 (n_landmarks) | which reference frames geodesics are measured from (not by `native`) |
@@ -35,6 +36,8 @@ use sha2::{Digest, Sha256};
 use crate::array::Array;
 use crate::command::N_COMMAND_COLUMNS;
 use crate::comparison::Comparison;
+use crate::features::Extractor;
+use crate::form::Form;
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::mds::Embedding;
@@ -49,7 +52,7 @@ use crate::texture::{N_WAYS, Textures};
 use crate::whitening::Whitening;
 
 /// Version of the format that this crate writes and reads.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 
 const MANIFEST: &str = "manifest";
 const DIGEST: &str = "digest";
@@ -234,6 +237,13 @@ fn arrays(model: &Model) -> Vec<NamedArray<'_>> {
         array("held_out", Dtype::F64, &[n_held_out, N_MEASURED], model.novelty.measured()),
         array("textures", Dtype::F64, &[n_held_out, N_WAYS], model.novelty.textures().all()),
     ];
+    if let Some(form) = model.novelty.form() {
+        let n_tiles = novelty.n_tiles;
+        arrays.extend([
+            array("form_means", Dtype::F64, &[n_tiles], form.means()),
+            array("form_covariance", Dtype::F64, &[n_tiles, n_tiles], form.covariance()),
+        ]);
+    }
     if let Some(embedding) = &model.embedding {
         let (projection, means) = (embedding.projection(), embedding.mean_squared_geodesics());
         arrays.extend([
@@ -293,6 +303,13 @@ impl File<'_> {
         })
     }
 
+    fn form(&self, n_tiles: usize) -> Result<Form, ModelFileError> {
+        let means: Array<f64> = self.array("form_means", Dtype::F64, &[n_tiles])?;
+        let covariance: Array<f64> = self.array("form_covariance", Dtype::F64, &[n_tiles, n_tiles])?;
+        let what = "frames' form is no Gaussian";
+        Form::from_parts(&means, &covariance).ok_or(ModelFileError::Contents { what })
+    }
+
     fn assemble(&self, manifest: Manifest, text: &str) -> Result<Model, ModelFileError> {
         let Manifest { ref plan, n_trained, n_frames, n_neighbors, n_dims, n_kinds, novelty, .. } = manifest;
         let n_held_out = novelty.n_held_out;
@@ -331,13 +348,21 @@ impl File<'_> {
             whitening: whitening.map(Arc::new),
         };
         let compared = comparison.layout(plan.sensor);
+        let metric = plan.metric.compile(compared)?;
+        let n_tiles = novelty.n_tiles;
+        if n_tiles != 0 && n_tiles != Extractor::new(plan.sensor, &metric).n_tiles() {
+            return Err(ModelFileError::Contents {
+                what: "frames' form is of other tiles than the sensor's",
+            });
+        }
+        let form = (n_tiles > 0).then(|| self.form(n_tiles)).transpose()?;
         let references = ReferenceSet::from_parts(
             self.array("references", Dtype::U32, &[n_frames])?,
             self.array("nearest", Dtype::U32, &[n_trained])?,
         );
         let mut model = Model {
             id: ModelId([0; 16]),
-            metric: plan.metric.compile(compared)?,
+            metric,
             comparison,
             frames: Frames::with_more_columns(
                 compared.n_readings(),
@@ -357,7 +382,11 @@ impl File<'_> {
                 self.array("covariances", Dtype::F64, &[n_kinds, n_dims, n_dims])?.to_vec(),
             )?,
             squared_radii: self.array("squared_radii", Dtype::U64, &[n_frames])?,
-            novelty: Novelty::new(self.array("held_out", Dtype::F64, &[n_held_out, N_MEASURED])?, textures),
+            novelty: Novelty::new(
+                self.array("held_out", Dtype::F64, &[n_held_out, N_MEASURED])?,
+                textures,
+                form,
+            ),
             manifest,
         };
         let written = self.array::<u8>(DIGEST, Dtype::U8, &[32])?;

@@ -13,6 +13,7 @@ use crate::command::{
 };
 use crate::comparison::Comparison;
 use crate::em::EmError;
+use crate::features::{Extractor, ManyFeatures};
 use crate::frames::Frames;
 use crate::learnt::Source;
 use crate::locate::Located;
@@ -25,7 +26,6 @@ use crate::plan::{FitPlan, LandmarkChoice, Method};
 use crate::reference::n_held;
 use crate::response::{INVALID, Response, ResponseError};
 use crate::stream::{FrameSource, InMemory, Stream, StreamError};
-use crate::texture::Weave;
 use crate::whitening::{Pairs, Whitening};
 
 /// Most readings that can be coordinates as they are.
@@ -298,8 +298,8 @@ pub fn fit_stream<E: Send>(
         source,
         n_readings,
         comparison: comparison.clone(),
-        weave: weave_of(plan)?,
-        textures: Vec::with_capacity(n_trained),
+        extractor: extractor_of(plan)?,
+        features: ManyFeatures::default(),
         commands: None,
     };
     let mut done = |n_done| progress(Step::References, n_done, n_trained);
@@ -330,8 +330,7 @@ fn fit_all<E: Send>(
     check_commands(commands, n_trained, plan)?;
     let response = response_of(plan)?;
     response.map_in_place(&mut counts);
-    let weave = weave_of(plan)?;
-    let textures = counts.par_chunks_exact(n_readings).map(|frame| weave.of(frame)).collect();
+    let features = extractor_of(plan)?.extract_all(counts.par_chunks_exact(n_readings));
     let whitening =
         whitening_of(plan, &origin.trips(n_trained), |indices| Ok(rows_of(&counts, n_readings, indices)))?;
     if let Some(whitening) = &whitening {
@@ -348,15 +347,15 @@ fn fit_all<E: Send>(
         None => (Frames::new(n_compared, counts), None),
     };
     let provenance = Provenance { origin, ..made_here() };
-    fit_source(Source::All(trained, textures), comparison, scale, plan, provenance, progress)
+    fit_source(Source::All(trained, features), comparison, scale, plan, provenance, progress)
 }
 
 fn response_of(plan: &FitPlan) -> Result<Response, FitError> {
     Ok(Response::new(&plan.response, plan.sensor.metres_per_count)?)
 }
 
-fn weave_of(plan: &FitPlan) -> Result<Weave, FitError> {
-    Ok(Weave::new(plan.sensor, &plan.metric.compile(plan.sensor)?))
+fn extractor_of(plan: &FitPlan) -> Result<Extractor, FitError> {
+    Ok(Extractor::new(plan.sensor, &plan.metric.compile(plan.sensor)?))
 }
 
 /// Some rows of many.
@@ -486,7 +485,7 @@ fn fit_source<E: Send>(
     };
     let (row, trips) = (|index| held_out.row(&frames, index), provenance.origin.trips(n_trained));
     let novelty = with_metric!(&metric, commands.as_ref(), |metric| {
-        usual.learn(metric, &held_out.trained, &held_out.textures, row, &trips, provenance.n_frames_effective)
+        usual.learn(metric, &held_out, row, &trips, provenance.n_frames_effective)
     });
 
     let plan = FitPlan { n_landmarks: plan.n_landmarks.min(n_frames), ..plan.clone() };
@@ -501,7 +500,11 @@ fn fit_source<E: Send>(
         n_neighbors,
         n_dims,
         n_kinds,
-        novelty: NoveltyManifest { n_held_out: novelty.n_held_out(), false_alarm_rate: FALSE_ALARM_RATE },
+        novelty: NoveltyManifest {
+            n_held_out: novelty.n_held_out(),
+            n_tiles: novelty.n_tiles(),
+            false_alarm_rate: FALSE_ALARM_RATE,
+        },
         provenance,
     };
     let mut model = Model {

@@ -1,6 +1,10 @@
 //! The frames that a model is learnt from: those that it keeps, and those that it embeds out of sample and lets go.
 
+use rayon::prelude::*;
+
+use crate::features::{Extractor, ManyFeatures};
 use crate::fit::{Progress, Step, no_room};
+use crate::form::Form;
 use crate::frames::{Frames, GrowingFrames, SensorLayout};
 use crate::graph::Edge;
 use crate::intrinsic_dims::{IntrinsicDims, N_NEIGHBORS_USED};
@@ -14,15 +18,15 @@ use crate::plan::FitPlan;
 use crate::reference::{Kept, ReferenceSet};
 use crate::search::Search;
 use crate::stream::{Stream, StreamError};
-use crate::texture::{N_WAYS, Texture, Weave};
+use crate::texture::{N_WAYS, Texture};
 
 /// Frames at random that suffice to estimate an intrinsic dimension d to d / √2000, two hundredths.
 const N_FRAMES_SAMPLED: usize = 2000;
 
 /// Where the frames that a model is learnt from are.
 pub(crate) enum Source<'a, E> {
-    /// In memory, as they are compared and with their commands, and their textures: all of them are reference frames.
-    All(Frames, Vec<Texture>),
+    /// In memory, as they are compared and with their commands, and their features: all of them are reference frames.
+    All(Frames, ManyFeatures),
     /// Wherever they are read from: some of them are reference frames.
     Stream(Stream<'a, E>),
     /// In another model, as far as it has kept them.
@@ -54,8 +58,12 @@ pub(crate) struct Learnt<'a, E> {
 pub(crate) struct HeldOut {
     /// Among the trained frames, ascending.
     pub(crate) trained: Vec<u32>,
-    /// Theirs; all alike where the trained frames are gone.
+    /// Theirs; all alike where nobody knows it any more.
     pub(crate) textures: Vec<Texture>,
+    /// What all trained frames look like; none where frames have no form, or nobody knows it any more.
+    pub(crate) form: Option<Form>,
+    /// What they measure by the form of frames at other times; 0 where there is none.
+    pub(crate) distances: Vec<f64>,
     rows: Rows,
 }
 
@@ -90,27 +98,27 @@ pub(crate) struct Placed {
 }
 
 impl HeldOut {
-    /// * `texture` — of a reference frame
-    fn of_references(references: &ReferenceSet, texture: impl Fn(u32) -> Texture, seed: u64) -> Self {
+    /// * `features` — of the reference frames
+    fn of_references(references: &ReferenceSet, features: &ManyFeatures, seed: u64) -> Self {
         let chosen = landmarks::at_random(references.n_frames(), N_HELD_OUT_MAX, seed);
         let trained: Vec<u32> =
             chosen.iter().map(|&reference| references.indices()[reference as usize]).collect();
-        let textures = chosen.iter().map(|&reference| texture(reference)).collect();
-        Self { trained, textures, rows: Rows::OfReferences(chosen) }
+        let (textures, form, distances) = looks(features, &chosen);
+        Self { trained, textures, form, distances, rows: Rows::OfReferences(chosen) }
     }
 
     /// Every second frame of some that were sampled already.
     ///
     /// * `sample` — which of the trained frames they are
-    /// * `textures` — of all trained frames
-    fn of_sampled(sample: &[u32], sampled: &Frames, textures: &[Texture]) -> Self {
+    /// * `features` — of all trained frames
+    fn of_sampled(sample: &[u32], sampled: &Frames, features: &ManyFeatures) -> Self {
         let rows = (0..sample.len()).step_by(2).flat_map(|index| sampled.row(index));
         let rows: Vec<u16> = rows.copied().collect();
         let n_more = sampled.n_columns() - sampled.n_readings();
         let rows = Frames::with_more_columns(sampled.n_readings(), n_more, rows);
         let trained: Vec<u32> = sample.iter().copied().step_by(2).collect();
-        let textures = trained.iter().map(|&trained| textures[trained as usize]).collect();
-        Self { trained, textures, rows: Rows::Copied(rows) }
+        let (textures, form, distances) = looks(features, &trained);
+        Self { trained, textures, form, distances, rows: Rows::Copied(rows) }
     }
 
     /// What one of them is compared by, by its place among them, shape `(n_columns,)`.
@@ -120,6 +128,18 @@ impl HeldOut {
         match &self.rows {
             Rows::OfReferences(chosen) => frames.row(chosen[index] as usize),
             Rows::Copied(rows) => rows.row(index),
+        }
+    }
+}
+
+/// Textures of some frames, what all look like, and what the some measure by it.
+fn looks(features: &ManyFeatures, chosen: &[u32]) -> (Vec<Texture>, Option<Form>, Vec<f64>) {
+    let textures = chosen.iter().map(|&frame| features.textures[frame as usize]).collect();
+    match features.means.len() / features.n_frames() {
+        0 => (textures, None, vec![0.0; chosen.len()]),
+        n_tiles => {
+            let (form, distances) = Form::learn(&features.means, n_tiles, chosen);
+            (textures, Some(form), distances)
         }
     }
 }
@@ -139,28 +159,29 @@ impl<'a, E: Send> Learnt<'a, E> {
         progress: &mut Progress,
     ) -> Result<Self, StreamError<E>> {
         match source {
-            Source::All(trained, textures) => {
+            Source::All(trained, features) => {
                 let frames = trained.indexed(compared);
-                let held_out = HeldOut::of_references(
-                    &ReferenceSet::all(frames.n_frames()),
-                    |reference| textures[reference as usize],
-                    plan.seed,
-                );
+                let references = ReferenceSet::all(frames.n_frames());
+                let held_out = HeldOut::of_references(&references, &features, plan.seed);
                 Ok(Self { frames, trained: Trained::AsKept, intrinsic_dims: None, held_out })
             }
             Source::Stream(stream) => Self::choose(metric, stream, compared, plan, progress),
             Source::Model(model) => {
-                let weave = Weave::new(model.layout(), model.metric());
-                // Of frames that are kept along slow directions nobody knows it any more.
-                let texture = |reference: u32| match model.whitening() {
-                    None => weave.of(model.frames().readings(reference as usize)),
-                    Some(_) => [0.0; N_WAYS],
+                let frames = model.frames();
+                let readings = (0..frames.n_frames()).into_par_iter().map(|index| frames.readings(index));
+                let features = match model.whitening() {
+                    None => Extractor::new(model.layout(), model.metric()).extract_all(readings),
+                    // Of frames that are kept along slow directions nobody knows their readings any more.
+                    Some(_) => ManyFeatures {
+                        textures: vec![[0.0; N_WAYS]; frames.n_frames()],
+                        ..ManyFeatures::default()
+                    },
                 };
                 Ok(Self {
-                    frames: model.frames().clone(),
+                    frames: frames.clone(),
                     trained: Trained::Gone(model),
                     intrinsic_dims: Some(model.manifest().provenance.intrinsic_dims),
-                    held_out: HeldOut::of_references(model.references(), texture, plan.seed),
+                    held_out: HeldOut::of_references(model.references(), &features, plan.seed),
                 })
             }
         }
@@ -194,7 +215,7 @@ impl<'a, E: Send> Learnt<'a, E> {
         let (frames, kept) = kept.into_references();
         let sampled = sampled.into_frames();
         let intrinsic_dims = Some(dims_of(&sampled, metric));
-        let held_out = HeldOut::of_sampled(&sample, &sampled, &stream.textures);
+        let held_out = HeldOut::of_sampled(&sample, &sampled, &stream.features);
         Ok(Self { frames, trained: Trained::Read { stream, kept }, intrinsic_dims, held_out })
     }
 

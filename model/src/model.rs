@@ -59,6 +59,8 @@ pub struct Manifest {
 pub struct NoveltyManifest {
     /// Trained frames that were held out of the model, one by one.
     pub n_held_out: usize,
+    /// Tiles by which frames' forms are told; 0 where they are not.
+    pub n_tiles: usize,
     /// Share of frames like those seen in training that are called novel all the same.
     pub false_alarm_rate: f64,
 }

@@ -1,10 +1,12 @@
 //! Novelty: how unlike all that was seen in training a frame is, as one number with a known rate of false alarms.
 //!
-//! Four measures, since each is blind to something:
+//! Five measures, since each is blind to something:
 //! * the least squared Mahalanobis distance of the embedding to a kind. Alone it misses most: an embedding maps any frame onto
 //!   the span of those in training;
 //! * the squared distance to the nearest reference frame;
 //! * geodesic stress (`stress.rs`): whether the place explains the lengths;
+//! * its squared Mahalanobis distance from what frames look like from afar (`form.rs`). Of pictures with near and far exchanged the
+//!   nearest frames and the stress of their place may be no farther than those of frames held out;
 //! * how far its texture (`texture.rs`) is from the middle one, in ranks, since textures are spread unevenly. The others compare
 //!   a frame with the nearest ones, and where those are far in any case, as in a camera's noise, take what no place looks like
 //!   for one more place.
@@ -16,7 +18,7 @@
 //! usual, however unlike all else they are, and miss more. Kinds, geodesics and projection are those of all frames: what a
 //! block moves in them is small against how far a frame is from the next that looks like it.
 //!
-//! They are combined by the *highest rank*: the largest of a frame's ranks among held-out frames. Four tests at
+//! They are combined by the *highest rank*: the largest of a frame's ranks among held-out frames. Five tests at
 //! once give more false alarms than one, so the highest rank is ranked in turn, among those of the held-out frames: that
 //! rank is the novelty. Of frames like those held out, a share r has a novelty of at least 1 − r, whichever r.
 
@@ -25,21 +27,24 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::array::Array;
+use crate::features::Features;
+use crate::form::Form;
+use crate::learnt::HeldOut;
 use crate::metric::Metric;
 use crate::mixture::Mixture;
 use crate::out_of_sample::{Manifold, Placer};
 use crate::reference::ReferenceSet;
 use crate::stress::Stress;
-use crate::texture::{Texture, Textures};
+use crate::texture::Textures;
 
 /// Measures of how unlike other frames a frame is.
-pub(crate) const N_MEASURES: usize = 4;
+pub(crate) const N_MEASURES: usize = 5;
 
 /// Those of them that a file holds: textures say the last.
-pub(crate) const N_MEASURED: usize = 3;
+pub(crate) const N_MEASURED: usize = 4;
 
 /// What a frame measures: squared Mahalanobis distance, squared distance to the nearest reference frame (counts²), stress
-/// (counts²), distance of the texture from the middle one (ranks, twice).
+/// (counts²), squared Mahalanobis distance of the form, distance of the texture from the middle one (ranks, twice).
 pub(crate) type Measures = [f64; N_MEASURES];
 
 /// Trained frames at random that are held out, at most: of a rate of false alarms of one in a hundred, ten are beyond.
@@ -54,6 +59,8 @@ pub struct Novelty {
     /// Of held-out frames in order of time, all but what their textures say, shape `(n_held_out, N_MEASURED)`.
     measured: Array<f64>,
     textures: Textures,
+    /// Of all trained frames; none where they have none.
+    form: Option<Form>,
     /// Each measure for itself, ascending.
     sorted: [Vec<f64>; N_MEASURES],
     /// Of held-out frames, as numbers of frames below, ascending.
@@ -63,19 +70,24 @@ pub struct Novelty {
 impl Novelty {
     /// * `measured` — of held-out frames, at least one, shape `(n_held_out, N_MEASURED)`, no NaN
     /// * `textures` — theirs
-    pub(crate) fn new(measured: Array<f64>, textures: Textures) -> Self {
+    pub(crate) fn new(measured: Array<f64>, textures: Textures, form: Option<Form>) -> Self {
         let (rows, _) = measured.as_chunks::<N_MEASURED>();
-        let measures = |(index, &[mahalanobis, nearest, stress]): (usize, &[f64; N_MEASURED])| {
-            [mahalanobis, nearest, stress, textures.distance_from_middle(textures.of(index))]
+        let measures = |(index, &[mahalanobis, nearest, stress, form]): (usize, &[f64; N_MEASURED])| {
+            [mahalanobis, nearest, stress, form, textures.distance_from_middle(textures.of(index))]
         };
         let frames: Vec<Measures> = rows.iter().enumerate().map(measures).collect();
         let (sorted, highest_ranks) = ranked(&frames);
-        Self { sorted, highest_ranks, measured, textures }
+        Self { sorted, highest_ranks, measured, textures, form }
     }
 
     /// Trained frames that were held out.
     pub fn n_held_out(&self) -> usize {
         self.highest_ranks.len()
+    }
+
+    /// Tiles by which forms are told; 0 where they are not.
+    pub(crate) fn n_tiles(&self) -> usize {
+        self.form.as_ref().map_or(0, |form| form.means().len())
     }
 
     /// Of held-out frames in order of time, shape `(n_held_out, N_MEASURED)`.
@@ -88,10 +100,24 @@ impl Novelty {
         &self.textures
     }
 
+    /// Of all trained frames.
+    pub(crate) fn form(&self) -> Option<&Form> {
+        self.form.as_ref()
+    }
+
     /// How novel a frame is, 0…1: the share of held-out frames that are less so.
     ///
+    /// * `place` — squared Mahalanobis distance, squared distance to the nearest reference frame, stress
+    ///
     /// Allocates nothing.
-    pub(crate) fn of(&self, measures: &Measures) -> f64 {
+    pub(crate) fn of(&self, place: [f64; 3], features: &Features) -> f64 {
+        let [mahalanobis, nearest, stress] = place;
+        let form = self.form.as_ref().map_or(0.0, |form| form.distance(&features.means));
+        let texture = self.textures.distance_from_middle(features.texture);
+        self.by(&[mahalanobis, nearest, stress, form, texture])
+    }
+
+    fn by(&self, measures: &Measures) -> f64 {
         let highest = highest_rank(&self.sorted, measures);
         let n_below = self.highest_ranks.partition_point(|rank| *rank < highest);
         n_below as f64 / self.n_held_out() as f64
@@ -143,8 +169,6 @@ impl Usual<'_> {
 
     /// Learns what is usual from frames that are held out.
     ///
-    /// * `trained` — which of the trained frames they are, ascending
-    /// * `textures` — theirs
     /// * `row` — what such a frame is compared by, by its place among them, shape `(n_columns,)`
     /// * `trips` — trained frames of each trip
     /// * `n_frames_effective` — N_eff: how many of the trained frames are as good as independent
@@ -153,8 +177,7 @@ impl Usual<'_> {
     pub(crate) fn learn<'r>(
         &self,
         metric: &impl Metric,
-        trained: &[u32],
-        textures: &[Texture],
+        held_out: &HeldOut,
         row: impl Fn(usize) -> &'r [u16] + Sync,
         trips: &[usize],
         n_frames_effective: f64,
@@ -166,18 +189,19 @@ impl Usual<'_> {
             let placer = Placer::new(self.manifold, self.n_neighbors);
             (placer, vec![0.0; self.mixture.n_dims()], vec![0.0; n_kinds])
         };
-        let measured = trained.par_iter().enumerate().map_init(
+        let measured = held_out.trained.par_iter().zip(&held_out.distances).enumerate().map_init(
             memory,
-            |(placer, coordinates, probabilities), (index, &trained)| {
+            |(placer, coordinates, probabilities), (index, (&trained, &form))| {
                 let hidden = self.around(trained, trips, n_around);
                 let nearest = placer.place_without(metric, self.manifold, row(index), hidden, coordinates);
                 let density = self.mixture.density(coordinates, probabilities);
                 let stress = stress.of(placer.lengths(), coordinates);
-                [density.squared_mahalanobis, nearest.squared_distance as f64, stress]
+                [density.squared_mahalanobis, nearest.squared_distance as f64, stress, form]
             },
         );
         let measured: Vec<[f64; N_MEASURED]> = measured.collect();
-        Novelty::new(measured.into_flattened().into(), Textures::new(textures.as_flattened().to_vec().into()))
+        let textures = Textures::new(held_out.textures.as_flattened().to_vec().into());
+        Novelty::new(measured.into_flattened().into(), textures, held_out.form.clone())
     }
 
     /// Reference frames of the part of a trip around a trained frame, but so few that neighbours enough are left.
@@ -223,25 +247,25 @@ mod tests {
     fn measures(frames: &[Measures]) -> Novelty {
         let (sorted, highest_ranks) = ranked(frames);
         let none = || Vec::new().into();
-        Novelty { sorted, highest_ranks, measured: none(), textures: Textures::new(none()) }
+        Novelty { sorted, highest_ranks, measured: none(), textures: Textures::new(none()), form: None }
     }
 
     proptest! {
         #[test]
         fn of_held_out_frames_themselves_no_more_than_any_rate_are_that_novel(
-            frames in prop::collection::vec(prop::array::uniform4(prop_oneof![0.0..3.0_f64, Just(1.0), Just(2.0)]), 1..200),
+            frames in prop::collection::vec(prop::array::uniform5(prop_oneof![0.0..3.0_f64, Just(1.0), Just(2.0)]), 1..200),
             rate in 0.0..1.0_f64,
         ) {
             let novelty = measures(&frames);
-            let n_flagged = frames.iter().filter(|frame| novelty.of(frame) >= 1.0 - rate).count();
+            let n_flagged = frames.iter().filter(|frame| novelty.by(frame) >= 1.0 - rate).count();
             // Novelties are multiples of 1 / n, and 1 − (1 − rate) is rounded.
             prop_assert!(n_flagged as f64 <= rate * frames.len() as f64 + 1e-9, "{} of {}", n_flagged, frames.len());
         }
 
         #[test]
-        fn novelty_is_the_rank_of_the_highest_of_four_ranks_and_never_falls_as_a_measure_rises(
-            frames in prop::collection::vec(prop::array::uniform4(0.0..3.0_f64), 1..50),
-            frame in prop::array::uniform4(0.0..4.0_f64),
+        fn novelty_is_the_rank_of_the_highest_of_five_ranks_and_never_falls_as_a_measure_rises(
+            frames in prop::collection::vec(prop::array::uniform5(0.0..3.0_f64), 1..50),
+            frame in prop::array::uniform5(0.0..4.0_f64),
             more in 0.0..1.0_f64,
             measure in 0..N_MEASURES,
         ) {
@@ -251,21 +275,21 @@ mod tests {
             };
             let novelty = measures(&frames);
             let n_below = frames.iter().filter(|usual| highest(usual) < highest(&frame)).count();
-            prop_assert_eq!(novelty.of(&frame), n_below as f64 / frames.len() as f64);
+            prop_assert_eq!(novelty.by(&frame), n_below as f64 / frames.len() as f64);
             let mut farther = frame;
             farther[measure] += more;
-            prop_assert!(novelty.of(&farther) >= novelty.of(&frame));
+            prop_assert!(novelty.by(&farther) >= novelty.by(&frame));
         }
     }
 
     #[test]
     fn a_frame_beyond_all_in_one_measure_or_that_cannot_be_measured_is_as_novel_as_can_be() {
-        let novelty = measures(&[[1.0; 4], [2.0; 4], [3.0; 4]]);
-        assert_eq!(novelty.of(&[0.0, 0.0, 3.5, 0.0]), 1.0);
-        assert_eq!(novelty.of(&[0.0, f64::NAN, 0.0, 0.0]), 1.0);
-        assert_eq!(novelty.of(&[0.0, 0.0, 0.0, -f64::NAN]), 1.0);
-        assert_eq!(novelty.of(&[0.0; 4]), 0.0);
-        assert_eq!(novelty.of(&[2.5, 0.0, 0.0, 0.0]), 2.0 / 3.0);
+        let novelty = measures(&[[1.0; 5], [2.0; 5], [3.0; 5]]);
+        assert_eq!(novelty.by(&[0.0, 0.0, 0.0, 3.5, 0.0]), 1.0);
+        assert_eq!(novelty.by(&[0.0, f64::NAN, 0.0, 0.0, 0.0]), 1.0);
+        assert_eq!(novelty.by(&[0.0, 0.0, 0.0, 0.0, -f64::NAN]), 1.0);
+        assert_eq!(novelty.by(&[0.0; 5]), 0.0);
+        assert_eq!(novelty.by(&[2.5, 0.0, 0.0, 0.0, 0.0]), 2.0 / 3.0);
     }
 
     #[test]

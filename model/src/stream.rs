@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use crate::command::{Command, CommandScale, N_COMMAND_COLUMNS};
 use crate::comparison::Comparison;
+use crate::features::{Extractor, ManyFeatures};
 use crate::fit::FitError;
-use crate::texture::{Texture, Weave};
 
 /// Frames that are worked on side by side: 10 MB of 19840 readings. What comes out does not depend on it, but which
 /// frames are references may ([`crate::ReferenceSet`]).
@@ -101,9 +101,9 @@ pub(crate) struct Stream<'a, E> {
     pub(crate) source: &'a mut dyn FrameSource<Error = E>,
     pub(crate) n_readings: usize,
     pub(crate) comparison: Comparison,
-    pub(crate) weave: Weave,
+    pub(crate) extractor: Extractor,
     /// Of the frames that have been read, in order; of all after the first pass.
-    pub(crate) textures: Vec<Texture>,
+    pub(crate) features: ManyFeatures,
     /// And the command of each frame.
     pub(crate) commands: Option<(CommandScale, &'a [Command])>,
 }
@@ -201,14 +201,16 @@ impl<E: Send> Stream<'_, E> {
         let last = self.n_frames().min(first + N_FRAMES_IN_BATCH);
         let (n_columns, n_compared) = (self.n_columns(), self.n_compared());
         let (mut raw, mut scratch) = (vec![0; self.n_readings], self.comparison.scratch());
+        let mut features = self.extractor.memory();
         rows.resize((last - first) * n_columns, 0);
         for (index, row) in (first..last).zip(rows.chunks_exact_mut(n_columns)) {
             let (compared, command) = row.split_at_mut(n_compared);
             self.source.read(&mut raw)?;
             self.comparison.map(&raw, &mut scratch, compared);
             // In the first pass; the others see the same frames.
-            if self.textures.len() == index {
-                self.textures.push(self.weave.of(self.comparison.readings(&scratch, compared)));
+            if self.features.n_frames() == index {
+                self.extractor.extract(self.comparison.readings(&scratch, compared), &mut features);
+                self.features.push(&features);
             }
             if let Some((scale, commands)) = &self.commands {
                 command.copy_from_slice(&scale.counts(&commands[index]));
@@ -232,9 +234,10 @@ mod tests {
             let response = Response::new(&ResponsePlan::new(Scale::Range, 60.0), 0.001).unwrap();
             let source = &mut InMemory::new(2, counts.clone());
             let comparison = Comparison { response, whitening: None };
-            let weave = Weave::new(crate::testing::layout(1, 2), &AnyMetric::Euclidean(Euclidean));
+            let extractor = Extractor::new(crate::testing::layout(1, 2), &AnyMetric::Euclidean(Euclidean));
+            let features = ManyFeatures::default();
             let mut stream =
-                Stream { source, n_readings: 2, comparison, weave, textures: Vec::new(), commands: None };
+                Stream { source, n_readings: 2, comparison, extractor, features, commands: None };
             let mut passed = Vec::new();
             for _ in 0..2 {
                 passed.clear();

@@ -137,10 +137,14 @@ fn crunch_knows_its_building_again_and_calls_what_is_unlike_it_novel() {
 }
 
 #[test]
-fn chew_knows_its_campus_again_and_calls_shuffled_frames_and_noise_novel() {
+fn chew_knows_its_campus_again_and_calls_what_is_unlike_it_novel() {
     let [first, second] = [1, 2].map(|trip| Trip::driven(Chew::new(trip, 0), usize::MAX));
     let model = Arc::new(learnt(&first, 7.5));
-    let unlike = [("shuffled frames", second.shuffled()), ("noise", second.noise(7.5))];
+    let unlike = [
+        ("inverted frames", second.inverted(7.5)),
+        ("shuffled frames", second.shuffled()),
+        ("noise", second.noise(7.5)),
+    ];
     check("chew", &model, &second, &unlike);
 }
 
