@@ -10,9 +10,9 @@ pub(crate) fn probabilities(probabilities: &[f64]) -> String {
     probabilities.iter().map(|probability| format!(",{}", number(*probability))).collect()
 }
 
-/// Titles of these columns.
-pub(crate) fn probability_titles(n_kinds: usize) -> String {
-    (0..n_kinds).map(|kind| format!(",p{kind}")).collect()
+/// Titles of these columns: a letter and the kind.
+pub(crate) fn probability_titles(letter: char, n_kinds: usize) -> String {
+    (0..n_kinds).map(|kind| format!(",{letter}{kind}")).collect()
 }
 
 #[cfg(test)]

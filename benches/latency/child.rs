@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use bytes::Bytes;
 use kinds_messages::{Domain, KindReport, Node, Waiting};
-use kinds_model::{Classification, Classifier, Command, ModelId, SensorLayout, Status, file};
+use kinds_model::{Classification, Classifier, Command, Filter, ModelId, SensorLayout, Status, file};
 use kinds_service::{Classify, Service};
 
 pub(crate) const REPORT_BYTES: usize = size_of::<KindReport>();
@@ -55,6 +55,10 @@ impl Classify for Nothing {
 
     fn is_novel(&self, _novelty: f64) -> bool {
         false
+    }
+
+    fn filter(&self) -> Filter {
+        Filter::new(0.0, &self.classification.probabilities)
     }
 
     fn classify(&mut self, _: &[u16], _: Option<Command>) -> &Classification {

@@ -1,4 +1,4 @@
-//! What the service says about one frame: layout version 1, the same for every language.
+//! What the service says about one frame: layout version 2, the same for every language.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -46,14 +46,18 @@ pub struct KindReport {
     pub version: u32,
     /// `CLASSIFIED`, or anything else for a frame that told nothing.
     pub status: u32,
-    /// The most probable kind, counted from 0.
+    /// The most probable kind of the frame by itself, counted from 0.
     pub kind: u32,
+    /// The most probable kind given all frames of the run so far, counted from 0: changes less often than `kind`.
+    pub filtered_kind: u32,
     /// How many kinds the model has: the first so many probabilities are set.
     n_kinds: u32,
     /// How many dimensions the model has: the first so many coordinates are set.
     n_dims: u32,
     /// Readings of the frame without measurement.
     pub n_invalid: u32,
+    /// How many frames of the run the filtered probabilities rest on, this one included; 1 after a start or another model.
+    pub n_filtered: u32,
     /// The frame's run: start of the driver shim that published it, ns since the epoch.
     pub run: u64,
     /// The frame's number within its run.
@@ -74,8 +78,10 @@ pub struct KindReport {
     pub log_likelihood: f64,
     /// From 0, like the frames the model was trained on, to 1, unlike any of them.
     pub novelty: f64,
-    /// Probability of each kind.
+    /// Probability of each kind, of the frame by itself.
     probabilities: [f64; MAX_KINDS],
+    /// Probability of each kind given all frames of the run so far.
+    filtered: [f64; MAX_KINDS],
     /// Place of the frame in the embedding.
     coordinates: [f64; MAX_DIMS],
 }
@@ -85,27 +91,30 @@ const _: () = {
     assert!(offset_of!(KindReport, version) == 0);
     assert!(offset_of!(KindReport, status) == 4);
     assert!(offset_of!(KindReport, kind) == 8);
-    assert!(offset_of!(KindReport, n_kinds) == 12);
-    assert!(offset_of!(KindReport, n_dims) == 16);
-    assert!(offset_of!(KindReport, n_invalid) == 20);
-    assert!(offset_of!(KindReport, run) == 24);
-    assert!(offset_of!(KindReport, sequence) == 32);
-    assert!(offset_of!(KindReport, n_lost) == 40);
-    assert!(offset_of!(KindReport, captured_ns) == 48);
-    assert!(offset_of!(KindReport, sent_monotonic_ns) == 56);
-    assert!(offset_of!(KindReport, received_monotonic_ns) == 64);
-    assert!(offset_of!(KindReport, reported_monotonic_ns) == 72);
-    assert!(offset_of!(KindReport, model_id) == 80);
-    assert!(offset_of!(KindReport, log_likelihood) == 96);
-    assert!(offset_of!(KindReport, novelty) == 104);
-    assert!(offset_of!(KindReport, probabilities) == 112);
-    assert!(offset_of!(KindReport, coordinates) == 624);
-    assert!(size_of::<KindReport>() == 880);
+    assert!(offset_of!(KindReport, filtered_kind) == 12);
+    assert!(offset_of!(KindReport, n_kinds) == 16);
+    assert!(offset_of!(KindReport, n_dims) == 20);
+    assert!(offset_of!(KindReport, n_invalid) == 24);
+    assert!(offset_of!(KindReport, n_filtered) == 28);
+    assert!(offset_of!(KindReport, run) == 32);
+    assert!(offset_of!(KindReport, sequence) == 40);
+    assert!(offset_of!(KindReport, n_lost) == 48);
+    assert!(offset_of!(KindReport, captured_ns) == 56);
+    assert!(offset_of!(KindReport, sent_monotonic_ns) == 64);
+    assert!(offset_of!(KindReport, received_monotonic_ns) == 72);
+    assert!(offset_of!(KindReport, reported_monotonic_ns) == 80);
+    assert!(offset_of!(KindReport, model_id) == 88);
+    assert!(offset_of!(KindReport, log_likelihood) == 104);
+    assert!(offset_of!(KindReport, novelty) == 112);
+    assert!(offset_of!(KindReport, probabilities) == 120);
+    assert!(offset_of!(KindReport, filtered) == 632);
+    assert!(offset_of!(KindReport, coordinates) == 1144);
+    assert!(size_of::<KindReport>() == 1400);
 };
 
 impl KindReport {
     /// Version of this layout. Readers refuse reports of any other.
-    pub const VERSION: u32 = 1;
+    pub const VERSION: u32 = 2;
     /// `status` of a frame that was classified.
     pub const CLASSIFIED: u32 = 0;
     /// `status` of a frame that told nothing.
@@ -119,13 +128,19 @@ impl KindReport {
     /// Whether kind and lengths are within the report, so that who indexes by them stays inside it.
     pub fn is_sound(&self) -> bool {
         (self.kind as usize) < MAX_KINDS
+            && (self.filtered_kind as usize) < MAX_KINDS
             && self.n_kinds as usize <= MAX_KINDS
             && self.n_dims as usize <= MAX_DIMS
     }
 
-    /// Probability of each kind, `(n_kinds,)`.
+    /// Probability of each kind, of the frame by itself, `(n_kinds,)`.
     pub fn probabilities(&self) -> &[f64] {
         &self.probabilities[..(self.n_kinds as usize).min(MAX_KINDS)]
+    }
+
+    /// Probability of each kind given all frames of the run so far, `(n_kinds,)`.
+    pub fn filtered(&self) -> &[f64] {
+        &self.filtered[..(self.n_kinds as usize).min(MAX_KINDS)]
     }
 
     /// Place of the frame in the embedding, `(n_dims,)`.
@@ -133,9 +148,12 @@ impl KindReport {
         &self.coordinates[..(self.n_dims as usize).min(MAX_DIMS)]
     }
 
-    /// Sets the probabilities and their number. Panics beyond [`MAX_KINDS`]: no model has more.
-    pub fn set_probabilities(&mut self, probabilities: &[f64]) {
+    /// Sets the probabilities of the frame by itself, those given all frames so far, and their number. Panics beyond
+    /// [`MAX_KINDS`]: no model has more; and if one has more than the other.
+    pub fn set_probabilities(&mut self, probabilities: &[f64], filtered: &[f64]) {
+        assert_eq!(probabilities.len(), filtered.len(), "both are of the same kinds");
         self.probabilities[..probabilities.len()].copy_from_slice(probabilities);
+        self.filtered[..filtered.len()].copy_from_slice(filtered);
         self.n_kinds = probabilities.len() as u32;
     }
 
@@ -153,9 +171,11 @@ impl Default for KindReport {
             version: Self::VERSION,
             status: Self::INVALID,
             kind: 0,
+            filtered_kind: 0,
             n_kinds: 0,
             n_dims: 0,
             n_invalid: 0,
+            n_filtered: 0,
             run: 0,
             sequence: 0,
             n_lost: 0,
@@ -167,6 +187,7 @@ impl Default for KindReport {
             log_likelihood: f64::NAN,
             novelty: 0.0,
             probabilities: [0.0; MAX_KINDS],
+            filtered: [0.0; MAX_KINDS],
             coordinates: [0.0; MAX_DIMS],
         }
     }
@@ -186,9 +207,11 @@ mod tests {
                 version,
                 status,
                 kind,
+                filtered_kind,
                 n_kinds,
                 n_dims,
                 n_invalid,
+                n_filtered,
                 run,
                 sequence,
                 n_lost,
@@ -200,6 +223,7 @@ mod tests {
                 log_likelihood,
                 novelty,
                 probabilities,
+                filtered,
                 coordinates
             ]
         );
@@ -208,20 +232,21 @@ mod tests {
     #[test]
     fn probabilities_and_coordinates_come_back_as_they_were_set() {
         let mut report = KindReport::default();
-        report.set_probabilities(&[0.25, 0.75]);
+        report.set_probabilities(&[0.25, 0.75], &[0.5, 0.5]);
         report.set_coordinates(&[1.0, -2.0, 3.0]);
-        assert_eq!(report.probabilities(), [0.25, 0.75]);
+        assert_eq!((report.probabilities(), report.filtered()), (&[0.25, 0.75][..], &[0.5, 0.5][..]));
         assert_eq!(report.coordinates(), [1.0, -2.0, 3.0]);
     }
 
     #[test]
     fn lengths_of_a_faulty_writer_are_clamped() {
         let report = KindReport { n_kinds: u32::MAX, n_dims: 33, ..KindReport::default() };
-        assert_eq!(report.probabilities().len(), MAX_KINDS);
+        assert_eq!((report.probabilities().len(), report.filtered().len()), (MAX_KINDS, MAX_KINDS));
         assert_eq!(report.coordinates().len(), MAX_DIMS);
         assert!(!report.is_sound());
         assert!(KindReport { n_kinds: 64, n_dims: 32, kind: 63, ..KindReport::default() }.is_sound());
         assert!(!KindReport { kind: 64, ..KindReport::default() }.is_sound());
+        assert!(!KindReport { filtered_kind: 64, ..KindReport::default() }.is_sound());
     }
 
     #[test]

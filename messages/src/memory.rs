@@ -26,14 +26,14 @@ pub fn frames_memory_bytes(n_readings: usize) -> u64 {
     channel_bytes(Limits::FRAMES, size_of::<FrameHeader>() + n_readings * size_of::<u16>())
 }
 
-/// Most shared memory that a sensor's kinds channel may come to use: 4.6 MB.
+/// Most shared memory that a sensor's kinds channel may come to use: 6.7 MB.
 ///
 /// 4130 slots: 16 readers × (256 waiting + 2 held), one for late joiners and one being filled.
 pub fn reports_memory_bytes() -> u64 {
     channel_bytes(Limits::KINDS, size_of::<KindReport>())
 }
 
-/// Most shared memory that all channels of a service may come to use: 5.7 MB.
+/// Most shared memory that all channels of a service may come to use: 7.8 MB.
 pub fn service_memory_bytes() -> u64 {
     reports_memory_bytes()
         + fixed_memory_bytes::<HealthReport>(Limits::HEALTH)

@@ -60,6 +60,11 @@ pub fn try_kinds(
     Ok(std::iter::once(first).chain(more).collect())
 }
 
+/// Those of trials of 1, 2, … kinds that are of enough kinds; the last, if none are.
+pub fn of_at_least(trials: &[KindsTrial], n_kinds_min: usize) -> &[KindsTrial] {
+    &trials[n_kinds_min.min(trials.len()).saturating_sub(1)..]
+}
+
 /// The trial with the least BIC_neff, of equals that with the fewest kinds.
 pub fn best_by_bic_neff(trials: &[KindsTrial]) -> Option<&KindsTrial> {
     trials.iter().reduce(|best, trial| if trial.bic_neff < best.bic_neff { trial } else { best })

@@ -415,6 +415,7 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
         n_neighbors,
         n_dims,
         n_kinds,
+        persistence,
         novelty,
         provenance,
         ..
@@ -458,6 +459,7 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
             "native space has not one dimension for each reading",
         ),
         (model.squared_radii.is_sorted(), "neighbourhood radii do not ascend"),
+        ((0.0..1.0).contains(persistence), "persistence of kinds is not a probability below 1"),
         (
             novelty.false_alarm_rate > 0.0 && novelty.false_alarm_rate < 1.0,
             "rate of false alarms is not between 0 and 1",

@@ -13,6 +13,7 @@ use crate::command::{
 };
 use crate::comparison::Comparison;
 use crate::em::EmError;
+use crate::evidence::N_KINDS_TRIED_MAX;
 use crate::features::{Extractor, ManyFeatures};
 use crate::frames::Frames;
 use crate::learnt::Source;
@@ -22,6 +23,7 @@ use crate::metric::{MetricError, MetricPlan};
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX, NoveltyManifest, Origin, Provenance};
 use crate::novelty::{FALSE_ALARM_RATE, Usual};
 use crate::out_of_sample::Manifold;
+use crate::persistence;
 use crate::plan::{FitPlan, LandmarkChoice, Method};
 use crate::reference::n_held;
 use crate::response::{INVALID, Response, ResponseError};
@@ -471,6 +473,9 @@ fn fit_source<E: Send>(
     let (n_frames, n_dims) = (frames.n_frames(), coordinates.len() / n_trained);
     let mixture = find_kinds(&coordinates, n_dims, plan, &mut provenance, progress)?;
 
+    let trips = provenance.origin.trips(n_trained);
+    let persistence = persistence::learn(&mixture, &coordinates, &trips);
+
     let usual = Usual {
         manifold: Manifold {
             frames: &frames,
@@ -483,7 +488,7 @@ fn fit_source<E: Send>(
         coordinates: &coordinates,
         n_neighbors,
     };
-    let (row, trips) = (|index| held_out.row(&frames, index), provenance.origin.trips(n_trained));
+    let row = |index| held_out.row(&frames, index);
     let novelty = with_metric!(&metric, commands.as_ref(), |metric| {
         usual.learn(metric, &held_out, row, &trips, provenance.n_frames_effective)
     });
@@ -500,6 +505,7 @@ fn fit_source<E: Send>(
         n_neighbors,
         n_dims,
         n_kinds,
+        persistence,
         novelty: NoveltyManifest {
             n_held_out: novelty.n_held_out(),
             n_tiles: novelty.n_tiles(),
@@ -556,6 +562,7 @@ fn check_counts(plan: &FitPlan, n_trained: usize) -> Result<(), FitError> {
     // What is left to the evidence is asked for as little as can be.
     let n_kinds = plan.n_kinds.unwrap_or(1);
     within("kinds", n_kinds, N_KINDS_MAX)?;
+    within("kinds at least", plan.n_kinds_min, N_KINDS_TRIED_MAX)?;
     within("dimensions", plan.n_dims.unwrap_or(1), N_DIMS_MAX)?;
     let n_neighbors = plan.n_neighbors.unwrap_or(1);
     within("neighbours", n_neighbors, usize::MAX)?;

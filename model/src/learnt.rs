@@ -79,7 +79,7 @@ enum Trained<'a, E> {
     AsKept,
     /// They can be read again.
     Read {
-        stream: Stream<'a, E>,
+        stream: Box<Stream<'a, E>>,
         /// Which of them the reference frames are, ascending.
         kept: Vec<u32>,
     },
@@ -216,7 +216,12 @@ impl<'a, E: Send> Learnt<'a, E> {
         let sampled = sampled.into_frames();
         let intrinsic_dims = Some(dims_of(&sampled, metric));
         let held_out = HeldOut::of_sampled(&sample, &sampled, &stream.features);
-        Ok(Self { frames, trained: Trained::Read { stream, kept }, intrinsic_dims, held_out })
+        Ok(Self {
+            frames,
+            trained: Trained::Read { stream: Box::new(stream), kept },
+            intrinsic_dims,
+            held_out,
+        })
     }
 
     /// Dimensions that the trained frames fill.

@@ -64,6 +64,7 @@ pub mod neighborhood;
 pub mod neighbors;
 pub mod novelty;
 mod out_of_sample;
+mod persistence;
 pub mod plan;
 mod reference;
 pub mod residual_variance;
@@ -92,6 +93,7 @@ pub use model::{
     DirichletProvenance, DirichletTrial, KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX,
     NeighborsTrial, NoveltyManifest, Origin, Provenance,
 };
+pub use persistence::Filter;
 pub use plan::{FitPlan, KindsBy, LandmarkChoice, Method};
 pub use reference::ReferenceSet;
 pub use response::{Response, ResponsePlan, Scale};

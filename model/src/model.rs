@@ -16,6 +16,7 @@ use crate::metric::AnyMetric;
 use crate::mixture::Mixture;
 use crate::novelty::{Novelty, Usual};
 use crate::out_of_sample::Manifold;
+use crate::persistence::Filter;
 use crate::plan::FitPlan;
 use crate::reference::ReferenceSet;
 use crate::response::Response;
@@ -47,6 +48,9 @@ pub struct Manifest {
     pub n_dims: usize,
     /// J.
     pub n_kinds: usize,
+    /// s: the probability that a frame's kind is that of the frame before, rather than drawn by the mixing weights; see
+    /// [`Filter`].
+    pub persistence: f64,
     /// What novelty was learnt from, and what it means.
     pub novelty: NoveltyManifest,
     /// Where it came from, and why it is as it is. Classifying needs none of it.
@@ -323,6 +327,11 @@ impl Model {
     /// The kinds.
     pub fn mixture(&self) -> &Mixture {
         &self.mixture
+    }
+
+    /// Takes frames in their order into account, beginning with none.
+    pub fn filter(&self) -> Filter {
+        Filter::new(self.manifest.persistence, self.mixture.weights())
     }
 
     /// What is usual, to rank frames by.

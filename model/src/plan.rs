@@ -85,6 +85,9 @@ pub struct FitPlan {
     pub n_dims: Option<usize>,
     /// J. None: by evidence.
     pub n_kinds: Option<usize>,
+    /// Fewest kinds that evidence may speak for, of those that frames can make. Means nothing where J is given, or chosen by a
+    /// Dirichlet process.
+    pub n_kinds_min: usize,
     /// Which evidence. Means nothing where J is given.
     pub kinds_by: KindsBy,
     /// How kinds are found.
@@ -112,6 +115,7 @@ impl FitPlan {
             landmark_choice: LandmarkChoice::Random,
             n_dims: None,
             n_kinds: None,
+            n_kinds_min: 1,
             kinds_by: KindsBy::BicNeff,
             em: EmPlan::new(seed),
             seed,

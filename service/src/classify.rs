@@ -1,6 +1,6 @@
 //! What the service asks of a model.
 
-use kinds_model::{Classification, Classifier, Command, ModelId, SensorLayout};
+use kinds_model::{Classification, Classifier, Command, Filter, ModelId, SensorLayout};
 
 /// Turns frames into kind probabilities: [`Classifier`] on a robot, a stand-in in tests.
 pub trait Classify {
@@ -15,6 +15,9 @@ pub trait Classify {
 
     /// Whether a frame of such a novelty is called unlike what the model has seen.
     fn is_novel(&self, novelty: f64) -> bool;
+
+    /// Takes kinds of frames in their order into account, beginning with none.
+    fn filter(&self) -> Filter;
 
     /// Classifies one frame of raw counts, `(n_readings,)`. The service only calls it with frames of
     /// [`layout`](Self::layout).
@@ -38,6 +41,10 @@ impl Classify for Classifier {
 
     fn is_novel(&self, novelty: f64) -> bool {
         self.model().manifest().novelty.is_novel(novelty)
+    }
+
+    fn filter(&self) -> Filter {
+        self.model().filter()
     }
 
     fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {

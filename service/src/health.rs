@@ -273,7 +273,7 @@ mod tests {
         let mut report = report(1, 0, 0, [10, 20]);
         report.kind = 1;
         report.novelty = 0.5;
-        report.set_probabilities(&[0.25, 0.75]);
+        report.set_probabilities(&[0.25, 0.75], &[0.25, 0.75]);
         health.count(&report, false);
         let said = end_interval(&mut health);
         assert_eq!(said.last_status(), Some(ReportStatus::Classified));

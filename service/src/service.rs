@@ -9,7 +9,7 @@ use kinds_messages::{
     ChannelError, FRAME_BUFFER, Frame, FrameHeader, FrameReader, HealthPublisher, HealthReport, KindReport,
     MAX_DIMS, MAX_KINDS, Node, ReloadDesk, ReportPublisher, SensorName, Waiting, monotonic_ns,
 };
-use kinds_model::{Classification, Command, N_DIMS_MAX, N_KINDS_MAX, SensorLayout, Status};
+use kinds_model::{Classification, Command, Filter, N_DIMS_MAX, N_KINDS_MAX, SensorLayout, Status};
 
 use crate::Classify;
 use crate::conditions::Conditions;
@@ -44,6 +44,8 @@ pub struct Service<C> {
     reports: ReportPublisher,
     health_reports: HealthPublisher,
     classifier: C,
+    /// Of the run that the last report is on.
+    filter: Filter,
     layout: SensorLayout,
     waiting: Waiting,
     sequence: Sequence,
@@ -111,6 +113,7 @@ impl<C: Classify> Service<C> {
             reports,
             health_reports,
             layout: classifier.layout(),
+            filter: classifier.filter(),
             classifier,
             waiting,
             sequence: Sequence::new(shim_is_there),
@@ -238,13 +241,17 @@ impl<C: Classify> Service<C> {
             }
         }
         let report = &mut self.report;
+        if report.run != header.run {
+            self.filter.begin();
+            report.n_filtered = 0;
+        }
         report.run = header.run;
         report.sequence = header.sequence;
         report.n_lost = n_lost;
         report.captured_ns = header.captured_ns;
         report.sent_monotonic_ns = header.sent_monotonic_ns;
         report.received_monotonic_ns = received_monotonic_ns;
-        fill(report, classification);
+        fill(report, classification, &mut self.filter);
         report.reported_monotonic_ns = self.reports.send(report)?;
         self.health.count(report, self.classifier.is_novel(report.novelty));
         Ok(())
@@ -260,6 +267,7 @@ impl<C: Classify> Service<C> {
             let ids = [before.model_id(), self.classifier.model_id()];
             replaced.take(before);
             self.report.model_id = ids[1].0;
+            (self.filter, self.report.n_filtered) = (self.classifier.filter(), 0);
             ids.map(|id| id.to_string())
         });
         reloads.answer(&self.sensor, request, path, exchanged);
@@ -307,15 +315,20 @@ fn command_of(header: &FrameHeader) -> Option<Command> {
     (forward_m_s.is_finite() && turn_rad_s.is_finite()).then_some(Command { forward_m_s, turn_rad_s })
 }
 
-fn fill(report: &mut KindReport, classification: &Classification) {
-    report.status = match classification.status {
-        Status::Classified => KindReport::CLASSIFIED,
-        Status::Invalid => KindReport::INVALID,
+/// * `report` — run, sequence and losses are the frame's
+fn fill(report: &mut KindReport, classification: &Classification, filter: &mut Filter) {
+    let told = match classification.status {
+        Status::Classified => Some(&classification.probabilities[..]),
+        Status::Invalid => None,
     };
+    report.status = if told.is_some() { KindReport::CLASSIFIED } else { KindReport::INVALID };
+    let filtered = filter.take(told, report.n_lost);
+    report.set_probabilities(&classification.probabilities, filtered);
+    report.filtered_kind = filter.kind() as u32;
+    report.n_filtered = report.n_filtered.saturating_add(1);
     report.kind = classification.kind as u32;
     report.n_invalid = classification.n_invalid as u32;
     report.log_likelihood = classification.log_likelihood;
     report.novelty = classification.novelty;
-    report.set_probabilities(&classification.probabilities);
     report.set_coordinates(&classification.coordinates);
 }

@@ -11,7 +11,7 @@ use kinds_messages::{
     FrameHeader, FramePublisher, FrameReader, KindReport, Node, OwnDomain, ReportReader, ReportStatus,
     SensorName, Waiting, monotonic_ns,
 };
-use kinds_model::{Classification, Command, ModelId, SensorLayout, Status};
+use kinds_model::{Classification, Command, Filter, ModelId, SensorLayout, Status};
 
 use crate::{Classify, Service, Summary};
 
@@ -65,6 +65,10 @@ impl Classify for Spy {
 
     fn is_novel(&self, novelty: f64) -> bool {
         novelty > 0.5
+    }
+
+    fn filter(&self) -> Filter {
+        Filter::new(0.5, &[0.5, 0.5])
     }
 
     fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {
@@ -219,6 +223,31 @@ fn gaps_are_counted_and_repeated_frames_are_not_classified_again() {
     let told: Vec<_> = received(&reports).iter().map(|r| (r.run, r.sequence, r.n_lost)).collect();
     assert_eq!(told, [(7, 0, 0), (7, 3, 2), (7, 4, 0), (8, 1, 1), (8, 2, 0)]);
     assert_eq!(seen.borrow().len(), 5);
+}
+
+#[test]
+fn filtered_kinds_follow_from_those_of_a_run_and_know_how_many_frames_were_lost() {
+    let domain = OwnDomain::make().unwrap();
+    let node = Node::open(&domain, "test").unwrap();
+    let mut service = Service::start(&node, &ring(), Spy::new().0).unwrap();
+    let reports = ReportReader::open(&node, &ring()).unwrap();
+    let shim = FramePublisher::create(&node, &ring(), N_READINGS).unwrap();
+    send_all(&shim, &[(7, 0), (7, 3)]);
+    send(&shim, &header(7, 4), &[0; N_READINGS]);
+    send_all(&shim, &[(8, 0)]);
+    serve_waiting(&mut service);
+    // The spy's frames speak three to one for the second of two kinds of equal weight, and a kind is kept with probability ½.
+    let weighed = |second: f64| 3.0 * second / (3.0 * second + (1.0 - second));
+    let kept = |second: f64, share: f64| share * second + (1.0 - share) * 0.5;
+    let after_gap = weighed(kept(0.75, 0.125));
+    let expected = [0.75, after_gap, kept(after_gap, 0.5), 0.75];
+    let received = received(&reports);
+    for (report, expected) in received.iter().zip(expected) {
+        let [first, second] = report.filtered() else { panic!("not two kinds") };
+        assert!((second - expected).abs() < 1e-15 && (first + second - 1.0).abs() < 1e-15, "{report:?}");
+    }
+    let told: Vec<_> = received.iter().map(|r| (r.filtered_kind, r.n_filtered)).collect();
+    assert_eq!(told, [(1, 1), (1, 2), (1, 3), (1, 1)]);
 }
 
 #[test]

@@ -15,8 +15,8 @@ use kinds_messages::{
     ReportPublisher, ReportReader, ReportStatus, Waiting, WakeUp,
 };
 use kinds_model::{
-    Classification, Classifier, Command, EmPlan, FitPlan, ModelId, Origin, ResponsePlan, Scale, SensorLayout,
-    fit,
+    Classification, Classifier, Command, EmPlan, Filter, FitPlan, ModelId, Origin, ResponsePlan, Scale,
+    SensorLayout, fit,
 };
 use kinds_service::{Classify, Service};
 
@@ -117,6 +117,10 @@ impl Classify for Noting {
 
     fn is_novel(&self, novelty: f64) -> bool {
         self.classifier.is_novel(novelty)
+    }
+
+    fn filter(&self) -> Filter {
+        self.classifier.filter()
     }
 
     fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {

@@ -66,9 +66,12 @@ pub(crate) struct TrainArguments {
     /// Dimensions to embed in, 1 to 32 [default: chosen by residual variance: two more than where it bends]
     #[arg(long, value_name = "N")]
     dims: Option<usize>,
-    /// Kinds to find, 1 to 64 [default: chosen by evidence from 1 to 20; `kinds inspect` shows it]
+    /// Kinds to find, 1 to 64 [default: chosen by evidence, at most 20; `kinds inspect` shows it]
     #[arg(long, value_name = "N")]
     kinds: Option<usize>,
+    /// Fewest kinds, 1 to 20, where their number is chosen by evidence [default: 4]
+    #[arg(long, value_name = "N")]
+    kinds_min: Option<usize>,
     /// What the number of kinds is chosen by [default: bic-neff]
     #[arg(long, value_enum, value_name = "HOW")]
     kinds_by: Option<KindsByName>,
@@ -128,6 +131,7 @@ impl TrainArguments {
             }),
             dims: self.dims,
             kinds: self.kinds,
+            kinds_min: self.kinds_min,
             kinds_by: self.kinds_by.map(|name| match name {
                 KindsByName::BicNeff => KindsBy::BicNeff,
                 KindsByName::HeldOut => KindsBy::HeldOut,

@@ -142,8 +142,9 @@ impl Outcome {
         Self {
             frames,
             titles: format!(
-                "sequence,status,kind,novelty,log_likelihood{}",
-                csv::probability_titles(n_kinds)
+                "sequence,status,kind,novelty,log_likelihood{},filtered_kind{}",
+                csv::probability_titles('p', n_kinds),
+                csv::probability_titles('f', n_kinds)
             ),
         }
     }
@@ -207,7 +208,8 @@ fn line(report: &KindReport) -> String {
     let (sequence, status, kind) = (report.sequence, report.status().name(), report.kind);
     let (novelty, log_likelihood) = (csv::number(report.novelty), csv::number(report.log_likelihood));
     let probabilities = csv::probabilities(report.probabilities());
-    format!("{sequence},{status},{kind},{novelty},{log_likelihood}{probabilities}")
+    let (filtered_kind, filtered) = (report.filtered_kind, csv::probabilities(report.filtered()));
+    format!("{sequence},{status},{kind},{novelty},{log_likelihood}{probabilities},{filtered_kind}{filtered}")
 }
 
 fn read_expected(path: &Path) -> Result<Outcome, Failure> {

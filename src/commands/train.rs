@@ -4,7 +4,7 @@ mod report;
 
 use std::path::{Path, PathBuf};
 
-use kinds_model::evidence::{best_by_bound, runner_up_by_bound};
+use kinds_model::evidence::{best_by_bound, of_at_least, runner_up_by_bound};
 use kinds_model::neighborhood::{candidates, chosen, runner_up, short_circuits};
 use kinds_model::residual_variance::TOLERANCE;
 use kinds_model::{
@@ -156,7 +156,7 @@ pub(crate) fn choices(model: &Model) -> Vec<String> {
         ));
         lines.push(format!("intrinsic dimension: {}", intrinsic(&provenance.intrinsic_dims)));
     }
-    if let Some(choice) = kinds_choice(plan.kinds_by, provenance) {
+    if let Some(choice) = kinds_choice(plan, provenance) {
         lines.push(format!(
             "kinds: {n_kinds}, {choice}; {n_trained} frames count as {:.0} independent ones",
             provenance.n_frames_effective,
@@ -178,7 +178,7 @@ fn reference_choice(model: &Model) -> Option<String> {
 }
 
 /// What chose the number of kinds, and its runner-up.
-fn kinds_choice(by: KindsBy, provenance: &Provenance) -> Option<String> {
+fn kinds_choice(plan: &FitPlan, provenance: &Provenance) -> Option<String> {
     if let Some(process) = &provenance.dirichlet {
         let best = best_by_bound(&process.trials)?;
         let mut choice = format!(
@@ -192,23 +192,24 @@ fn kinds_choice(by: KindsBy, provenance: &Provenance) -> Option<String> {
         return Some(choice);
     }
     // Lower is better.
-    let cost = |trial: &KindsTrial| match by {
+    let cost = |trial: &KindsTrial| match plan.kinds_by {
         KindsBy::HeldOut => -trial.held_out,
         _ => trial.bic_neff,
     };
-    let mut tried: Vec<&KindsTrial> = provenance.kinds_tried.iter().collect();
+    let (least, most) = (plan.n_kinds_min, provenance.kinds_tried.len());
+    let mut tried: Vec<&KindsTrial> = of_at_least(&provenance.kinds_tried, least).iter().collect();
     tried.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
     let [best, second, ..] = tried[..] else { return None };
-    let (n_tried, worse, n_kinds) = (tried.len(), cost(second) - cost(best), second.n_kinds);
+    let (worse, n_kinds) = (cost(second) - cost(best), second.n_kinds);
     let word = kinds_word(n_kinds);
-    Some(match by {
+    Some(match plan.kinds_by {
         KindsBy::HeldOut => format!(
-            "of 1 to {n_tried} the likeliest for blocks that were held out: {:.3} nats per frame, {worse:.3} more than \
+            "of {least} to {most} the likeliest for blocks that were held out: {:.3} nats per frame, {worse:.3} more than \
              {n_kinds} {word}",
             best.held_out
         ),
         _ => format!(
-            "the least BIC_neff of 1 to {n_tried}: {:.1} nats, {worse:.1} less than {n_kinds} {word}",
+            "the least BIC_neff of {least} to {most}: {:.1} nats, {worse:.1} less than {n_kinds} {word}",
             best.bic_neff
         ),
     })

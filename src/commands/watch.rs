@@ -107,6 +107,9 @@ struct ReportLine<'a> {
     sequence: u64,
     kind: u32,
     probabilities: &'a [f64],
+    /// Given all frames of the run so far.
+    filtered_kind: u32,
+    filtered: &'a [f64],
     /// Null for an invalid frame.
     log_likelihood: f64,
     status: &'static str,
@@ -118,6 +121,8 @@ fn json_line(report: &KindReport) -> String {
         sequence: report.sequence,
         kind: report.kind,
         probabilities: report.probabilities(),
+        filtered_kind: report.filtered_kind,
+        filtered: report.filtered(),
         log_likelihood: report.log_likelihood,
         status: report.status().name(),
         latency_ns: latency_ns(report),
@@ -183,10 +188,11 @@ mod tests {
         classified.log_likelihood = -12.5;
         classified.sent_monotonic_ns = 1000;
         classified.reported_monotonic_ns = 4500;
-        classified.set_probabilities(&[0.25, 0.75]);
+        classified.filtered_kind = 0;
+        classified.set_probabilities(&[0.25, 0.75], &[0.625, 0.375]);
         assert_eq!(
             json_line(&classified),
-            r#"{"sequence":7,"kind":1,"probabilities":[0.25,0.75],"log_likelihood":-12.5,"status":"classified","latency_ns":3500}"#
+            r#"{"sequence":7,"kind":1,"probabilities":[0.25,0.75],"filtered_kind":0,"filtered":[0.625,0.375],"log_likelihood":-12.5,"status":"classified","latency_ns":3500}"#
         );
         assert_eq!(text_line(&classified), "frame      7  kind  1   75 %  ▂▆  novelty 0.00      3.5 µs");
         let invalid = json_line(&report(1, 8, 0));

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use kinds_messages::{KindReport, ReportStatus};
-use kinds_model::{Classification, Classifier, Model, Status};
+use kinds_model::{Classification, Classifier, Filter, Model, Status};
 use kinds_trips::{
     Command, Compression, FrameInfo, FrameLayout, Image, ImageEncoding, Pose, Scan, Selection, Stamp,
     TripReader, TripWriter, WriterOptions,
@@ -183,13 +183,25 @@ pub(crate) fn assert_reports_equal_classifying_by(models: &[Model], reports: &[K
     assert_eq!(sequences, (0..reports.len() as u64).collect::<Vec<_>>());
     let models = models.iter().map(|model| (model.id().0, Classifier::new(Arc::new(model.clone()))));
     let mut classifiers = BTreeMap::from_iter(models);
+    // Of the model that the last report named, and the frames that it has had.
+    let mut filtered: Option<([u8; 16], Filter, u32)> = None;
     for (report, (frame, counts)) in reports.iter().zip(&frames) {
         let classifier = classifiers.get_mut(&report.model_id).expect("no report names another model");
         let command = frame.command.map(|command| kinds_model::Command {
             forward_m_s: command.forward_m_s,
             turn_rad_s: command.turn_rad_s,
         });
-        assert_equal_bits(report, classifier.classify_commanded(counts, command));
+        let (filter, n_filtered) = match filtered.take() {
+            Some((id, filter, n_filtered)) if id == report.model_id => (filter, n_filtered),
+            _ => (classifier.model().filter(), 0),
+        };
+        let here = classifier.classify_commanded(counts, command);
+        assert_equal_bits(report, here);
+        let (_, filter, n_filtered) = filtered.insert((report.model_id, filter, n_filtered + 1));
+        filter.take((here.status == Status::Classified).then_some(&here.probabilities), 0);
+        assert_eq!(bits(report.filtered()), bits(filter.probabilities()), "frame {}", report.sequence);
+        let told = (report.filtered_kind as usize, report.n_filtered);
+        assert_eq!(told, (filter.kind(), *n_filtered), "frame {}", report.sequence);
         assert_eq!(report.captured_ns, frame.captured.0);
         assert_eq!((report.run, report.n_lost), (reports[0].run, 0));
         let times = [report.sent_monotonic_ns, report.received_monotonic_ns, report.reported_monotonic_ns];
@@ -197,9 +209,12 @@ pub(crate) fn assert_reports_equal_classifying_by(models: &[Model], reports: &[K
     }
 }
 
+fn bits(numbers: &[f64]) -> Vec<u64> {
+    numbers.iter().map(|number| number.to_bits()).collect()
+}
+
 fn assert_equal_bits(report: &KindReport, here: &Classification) {
     let sequence = report.sequence;
-    let bits = |numbers: &[f64]| numbers.iter().map(|number| number.to_bits()).collect::<Vec<_>>();
     let status = match here.status {
         Status::Classified => ReportStatus::Classified,
         Status::Invalid => ReportStatus::Invalid,

@@ -1,5 +1,6 @@
 //! What a person says about training (RON or flags), and the checked plan that it becomes for a sensor.
 
+use kinds_model::evidence::N_KINDS_TRIED_MAX;
 use kinds_model::{
     Covariance, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, N_DIMS_MAX, N_KINDS_MAX, ResponsePlan,
     Scale, SensorLayout, StartsOn, WhiteningPlan,
@@ -48,6 +49,8 @@ pub struct Config {
     pub dims: Option<usize>,
     /// Kinds, 1 to 64. Default: as many as the evidence speaks for.
     pub kinds: Option<usize>,
+    /// Fewest kinds, 1 to 20, where none are given and no Dirichlet process chooses. Default: 4, since fewer tell a program little.
+    pub kinds_min: Option<usize>,
     /// What the number of kinds is chosen by where none is given: bic_neff, the least BIC of 1 to 20 for as many frames as
     /// are independent; held_out, the likeliest of 1 to 20 for stretches of the trip that were held out; or dirichlet, what a
     /// Dirichlet process keeps of 20. Default: bic_neff.
@@ -146,6 +149,7 @@ pub enum ConfigError {
 
 /// Reference frames that keep a trip of hours within minutes: the cost of their neighbours grows with their square.
 const USUAL_FRAMES_MAX: usize = 4000;
+const USUAL_KINDS_MIN: usize = 4;
 
 /// Principal components of a thousand frames at most.
 const N_COMPONENTS_MAX: usize = 1000;
@@ -190,6 +194,7 @@ impl Config {
             landmark_choice: over.landmark_choice.or(self.landmark_choice),
             dims: over.dims.or(self.dims),
             kinds,
+            kinds_min: over.kinds_min.or(self.kinds_min),
             kinds_by,
             covariance: over.covariance.or(self.covariance),
             starts: over.starts.or(self.starts),
@@ -231,6 +236,7 @@ impl Config {
         count("neighbors", self.neighbors, usize::MAX)?;
         count("dims", self.dims, N_DIMS_MAX)?;
         count("kinds", self.kinds, N_KINDS_MAX)?;
+        count("kinds_min", self.kinds_min, N_KINDS_TRIED_MAX)?;
         count("starts", self.starts, usize::MAX)?;
         if let Some(WhiteningPlan { n_components, n_directions }) = self.whitening {
             count("n_components", Some(n_components), N_COMPONENTS_MAX)?;
@@ -321,6 +327,7 @@ impl Config {
             landmark_choice: self.landmark_choice.unwrap_or_default(),
             n_dims: self.dims,
             n_kinds: self.kinds,
+            n_kinds_min: self.kinds_min.unwrap_or(USUAL_KINDS_MIN),
             kinds_by: self.kinds_by.unwrap_or_default(),
             em: EmPlan {
                 covariance: self.covariance.unwrap_or(em.covariance),

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use kinds_model::{Classifier, Method, Model};
+use kinds_model::{Classifier, Method, Model, Status};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -297,7 +297,7 @@ fn classified(trips: &[Placed], kinds: &[Vec<usize>]) -> Vec<ClassifiedTrip> {
     trips.iter().zip(kinds).map(of_trip).collect()
 }
 
-/// The most probable kind of every frame of every trip, by every model.
+/// The most probable kind of every frame of every trip given those before it, by every model.
 fn classify(models: &[&Model], trips: &[Placed], progress: &mut Progress) -> Vec<Vec<Vec<usize>>> {
     let n_frames = models.len() * trips.iter().map(|placed| placed.trip.survey.n_frames()).sum::<usize>();
     let told = Told::new(Stage::Classifying, n_frames as u64, progress);
@@ -312,14 +312,20 @@ fn kinds_of(model: &Arc<Model>, trip: &LoadedTrip, told: &Told) -> Vec<usize> {
     let frames: Vec<_> = trip.frames().zip(&trip.survey.commands).collect();
     let of_chunk = |classifier: &mut Classifier, frames: &[(&[u16], &Option<kinds_trips::Command>)]| {
         told.add(frames.len() as u64);
-        let kind = |(counts, command): &(&[u16], &Option<kinds_trips::Command>)| {
-            classifier.classify_commanded(counts, command.map(of_model)).kind
+        let posterior = |(counts, command): &(&[u16], &Option<kinds_trips::Command>)| {
+            let classification = classifier.classify_commanded(counts, command.map(of_model));
+            (classification.status == Status::Classified).then(|| classification.probabilities.clone())
         };
-        frames.iter().map(kind).collect::<Vec<usize>>()
+        frames.iter().map(posterior).collect::<Vec<_>>()
     };
     let chunks = frames.par_chunks(N_FRAMES_AT_A_TIME);
-    let kinds: Vec<Vec<usize>> = chunks.map_init(|| Classifier::new(model.clone()), of_chunk).collect();
-    kinds.concat()
+    let posteriors: Vec<Vec<_>> = chunks.map_init(|| Classifier::new(model.clone()), of_chunk).collect();
+    let mut filter = model.filter();
+    let kind = |posterior: Option<Vec<f64>>| {
+        filter.take(posterior.as_deref(), 0);
+        filter.kind()
+    };
+    posteriors.into_iter().flatten().map(kind).collect()
 }
 
 /// Random kinds of the frames whose place is known, for each trip; drawn anew for each space.

@@ -70,6 +70,13 @@ fn on_number(n_kinds: usize, by: KindsBy, tried: &[KindsTrial]) -> Option<String
         ));
     }
     let (bic_neff, held_out) = (best_by_bic_neff(tried)?.n_kinds, best_by_held_out(tried)?.n_kinds);
+    let spoken_for = if by == KindsBy::HeldOut { held_out } else { bic_neff };
+    if spoken_for < n_kinds {
+        let word = if spoken_for == 1 { "kind" } else { "kinds" };
+        return Some(format!(
+            "the evidence is for {spoken_for} {word}, and the model has {n_kinds}, the fewest that kinds_min allows"
+        ));
+    }
     let told = match by {
         _ if bic_neff == held_out => return None,
         KindsBy::HeldOut => format!(

@@ -54,14 +54,18 @@ typedef struct kinds_report {
   uint32_t version;
   /// `CLASSIFIED`, or anything else for a frame that told nothing.
   uint32_t status;
-  /// The most probable kind, counted from 0.
+  /// The most probable kind of the frame by itself, counted from 0.
   uint32_t kind;
+  /// The most probable kind given all frames of the run so far, counted from 0: changes less often than `kind`.
+  uint32_t filtered_kind;
   /// How many kinds the model has: the first so many probabilities are set.
   uint32_t n_kinds;
   /// How many dimensions the model has: the first so many coordinates are set.
   uint32_t n_dims;
   /// Readings of the frame without measurement.
   uint32_t n_invalid;
+  /// How many frames of the run the filtered probabilities rest on, this one included; 1 after a start or another model.
+  uint32_t n_filtered;
   /// The frame's run: start of the driver shim that published it, ns since the epoch.
   uint64_t run;
   /// The frame's number within its run.
@@ -82,13 +86,15 @@ typedef struct kinds_report {
   double log_likelihood;
   /// From 0, like the frames the model was trained on, to 1, unlike any of them.
   double novelty;
-  /// Probability of each kind.
+  /// Probability of each kind, of the frame by itself.
   double probabilities[KINDS_MAX_KINDS];
+  /// Probability of each kind given all frames of the run so far.
+  double filtered[KINDS_MAX_KINDS];
   /// Place of the frame in the embedding.
   double coordinates[KINDS_MAX_DIMS];
 } kinds_report;
 /// Version of this layout. Readers refuse reports of any other.
-#define kinds_report_VERSION 1
+#define kinds_report_VERSION 2
 /// `status` of a frame that was classified.
 #define kinds_report_CLASSIFIED 0
 /// `status` of a frame that told nothing.

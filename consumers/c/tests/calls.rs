@@ -133,7 +133,7 @@ fn a_report_is_read_in_place_by_event_and_by_polling_until_the_next_is_asked_for
             assert_eq!(kinds_reports_is_served(reports), 1);
             for sequence in 0..3 {
                 let mut report = report(sequence, 1);
-                report.set_probabilities(&[0.25, 0.75]);
+                report.set_probabilities(&[0.25, 0.75], &[0.5, 0.5]);
                 service.send(&report).unwrap();
                 assert_eq!(kinds_reports_next(reports, LONG_MS, &mut place), KINDS_RECEIVED);
                 assert_eq!(((*place).sequence, (*place).probabilities()), (sequence, &[0.25, 0.75][..]));

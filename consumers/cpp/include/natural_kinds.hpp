@@ -89,8 +89,10 @@ public:
 
     /// False for a frame that told nothing: probabilities are then no answer to it.
     bool is_classified() const { return report_->status == kinds_report_CLASSIFIED; }
-    /// Probability of each kind.
+    /// Probability of each kind, of the frame by itself.
     Numbers<const double> probabilities() const { return {report_->probabilities, report_->n_kinds}; }
+    /// Probability of each kind given all frames of the run so far.
+    Numbers<const double> filtered() const { return {report_->filtered, report_->n_kinds}; }
     /// Place of the frame in the embedding.
     Numbers<const double> coordinates() const { return {report_->coordinates, report_->n_dims}; }
 

@@ -4,7 +4,9 @@ use super::{FitError, Progress, Step};
 use crate::autocorrelation::n_frames_effective;
 use crate::em::dirichlet::{CONCENTRATION, DirichletFit, fit_dirichlet, likeliest};
 use crate::em::fit_mixture;
-use crate::evidence::{N_FITS, N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out, try_kinds};
+use crate::evidence::{
+    N_FITS, N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out, of_at_least, try_kinds,
+};
 use crate::mixture::{Mixture, most_probable};
 use crate::model::{DirichletProvenance, DirichletTrial, Provenance};
 use crate::plan::{FitPlan, KindsBy};
@@ -46,9 +48,10 @@ fn find_by_em(
             let mut done = |n_done| progress(Step::Kinds, n_done, n_fits);
             let trials = try_kinds(coordinates, n_dims, provenance.n_frames_effective, &plan.em, &mut done)?;
             provenance.kinds_tried = trials;
+            let enough = of_at_least(&provenance.kinds_tried, plan.n_kinds_min);
             let best = match plan.kinds_by {
-                KindsBy::HeldOut => best_by_held_out(&provenance.kinds_tried),
-                _ => best_by_bic_neff(&provenance.kinds_tried),
+                KindsBy::HeldOut => best_by_held_out(enough),
+                _ => best_by_bic_neff(enough),
             };
             best.expect("one kind is tried at least").n_kinds
         }

@@ -157,7 +157,7 @@ fn draw_path(frame: &mut Frame, area: Rect, poses: &[Option<Pose>], reports: &[K
     let mut places = vec![Vec::new(); COLOURS.len()];
     for report in reports.iter().filter(|report| report.status() == ReportStatus::Classified) {
         if let Some(Some(pose)) = poses.get(report.sequence as usize) {
-            places[report.kind as usize % COLOURS.len()].push((pose.x_m, pose.y_m));
+            places[report.filtered_kind as usize % COLOURS.len()].push((pose.x_m, pose.y_m));
         }
     }
     let canvas = Canvas::default()
@@ -183,7 +183,7 @@ fn extent(poses: &[Option<Pose>]) -> Option<[[f64; 2]; 2]> {
 
 fn kind_lines(report: &KindReport, n_frames: usize) -> Vec<Line<'static>> {
     const BAR_WIDTH: f64 = 16.0;
-    let probabilities = report.probabilities();
+    let probabilities = report.filtered();
     // Kinds beyond what there is room for are not the first ones that anybody trains with.
     let n_shown = probabilities.len().min(usize::from(HEIGHT) - 5);
     let mut lines: Vec<Line> = (0..n_shown)
@@ -191,7 +191,7 @@ fn kind_lines(report: &KindReport, n_frames: usize) -> Vec<Line<'static>> {
             let share = probabilities[kind];
             let bar = "█".repeat((BAR_WIDTH * share).round() as usize);
             let text = format!("  kind {kind:2} {:3.0} % ", 100.0 * share);
-            let is_now = report.status() == ReportStatus::Classified && kind == report.kind as usize;
+            let is_now = report.status() == ReportStatus::Classified && kind == report.filtered_kind as usize;
             let name = if is_now { Span::from(text).bold() } else { Span::from(text) };
             Line::from(vec![name, Span::from(bar).fg(COLOURS[kind % COLOURS.len()])])
         })

@@ -83,7 +83,7 @@ pub(crate) fn statistics(reports: &[KindReport]) -> String {
     let mut latencies: Vec<u64> = reports.iter().map(watch::latency_ns).collect();
     latencies.sort_unstable();
     let n_reports = reports.len();
-    let n_switches = reports.windows(2).filter(|pair| pair[0].kind != pair[1].kind).count();
+    let n_switches = reports.windows(2).filter(|pair| pair[0].filtered_kind != pair[1].filtered_kind).count();
     format!(
         "{} frames, {n_reports} reports; the kind changed {n_switches} times; frame to report: median {:.0} µs, 99 % within {:.0} µs",
         last.sequence + 1,
@@ -95,14 +95,16 @@ pub(crate) fn statistics(reports: &[KindReport]) -> String {
 /// A line of CSV for each report.
 pub(crate) fn table(reports: &[KindReport]) -> Vec<u8> {
     let n_kinds = reports.first().map_or(0, |report| report.probabilities().len());
-    let mut text =
-        format!("sequence,captured_ns,kind,novelty,latency_ns{}\n", csv::probability_titles(n_kinds));
+    let mut text = format!(
+        "sequence,captured_ns,kind,filtered_kind,novelty,latency_ns{}\n",
+        csv::probability_titles('p', n_kinds)
+    );
     for report in reports {
         let (latency_ns, novelty) = (watch::latency_ns(report), csv::number(report.novelty));
         let probabilities = csv::probabilities(report.probabilities());
         text += &format!(
-            "{},{},{},{novelty},{latency_ns}{probabilities}\n",
-            report.sequence, report.captured_ns, report.kind
+            "{},{},{},{},{novelty},{latency_ns}{probabilities}\n",
+            report.sequence, report.captured_ns, report.kind, report.filtered_kind
         );
     }
     text.into_bytes()

@@ -49,9 +49,11 @@ class ReportFields(ctypes.Structure):
         ("version", ctypes.c_uint32),
         ("status", ctypes.c_uint32),
         ("kind", ctypes.c_uint32),
+        ("filtered_kind", ctypes.c_uint32),
         ("n_kinds", ctypes.c_uint32),
         ("n_dims", ctypes.c_uint32),
         ("n_invalid", ctypes.c_uint32),
+        ("n_filtered", ctypes.c_uint32),
         ("run", ctypes.c_uint64),
         ("sequence", ctypes.c_uint64),
         ("n_lost", ctypes.c_uint64),
@@ -63,6 +65,7 @@ class ReportFields(ctypes.Structure):
         ("log_likelihood", ctypes.c_double),
         ("novelty", ctypes.c_double),
         ("probabilities", ctypes.c_double * MAX_KINDS),
+        ("filtered", ctypes.c_double * MAX_KINDS),
         ("coordinates", ctypes.c_double * MAX_DIMS),
     ]
 

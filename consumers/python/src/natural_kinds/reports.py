@@ -19,9 +19,11 @@ class Report(ReportFields):
     version: int
     status: int
     kind: int
+    filtered_kind: int
     n_kinds: int
     n_dims: int
     n_invalid: int
+    n_filtered: int
     run: int
     sequence: int
     n_lost: int
@@ -39,8 +41,13 @@ class Report(ReportFields):
 
     @property
     def probabilities(self) -> "np.ndarray":
-        """Probability of each kind, ``(n_kinds,)``."""
+        """Probability of each kind, of the frame by itself, ``(n_kinds,)``."""
         return self._numbers(ReportFields.probabilities.offset, self.n_kinds)
+
+    @property
+    def filtered(self) -> "np.ndarray":
+        """Probability of each kind given all frames of the run so far, ``(n_kinds,)``."""
+        return self._numbers(ReportFields.filtered.offset, self.n_kinds)
 
     @property
     def coordinates(self) -> "np.ndarray":
