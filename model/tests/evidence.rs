@@ -3,7 +3,8 @@
 use kinds_model::autocorrelation::n_frames_effective;
 use kinds_model::em::dirichlet::{DirichletFit, fit_dirichlet, likeliest};
 use kinds_model::evidence::{
-    N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_bound, best_by_held_out, runner_up_by_bound, try_kinds,
+    N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_bound, best_by_held_out, of_at_least, runner_up_by_bound,
+    try_kinds,
 };
 use kinds_model::{
     EmPlan, FitPlan, KindsBy, KindsTrial, Method, Model, Origin, ResponsePlan, Scale, SensorLayout, Size,
@@ -135,6 +136,10 @@ fn kinds_far_apart_are_counted_right_on_a_slow_trip_where_plain_bic_goes_to_its_
     for n_kinds in [3, 5, 8] {
         let trials = tried(&slow(n_kinds));
         assert_eq!(best_by_bic_neff(&trials).unwrap().n_kinds, n_kinds);
+        // Where it may not be so few, the fewest that it may be: each more costs more. Beyond all trials, the last.
+        let of_more = |n_kinds_min| best_by_bic_neff(of_at_least(&trials, n_kinds_min)).unwrap().n_kinds;
+        let found = [0, 1, n_kinds, n_kinds + 1, N_KINDS_TRIED_MAX + 9].map(of_more);
+        assert_eq!(found, [n_kinds, n_kinds, n_kinds, n_kinds + 1, N_KINDS_TRIED_MAX]);
         assert_eq!(best_by_bic(&trials), N_KINDS_TRIED_MAX);
     }
 }

@@ -86,14 +86,14 @@ fn demo_on_recorded_trips_leaves_a_model_and_a_report_for_every_frame() {
     let probabilities: String = (0..model.mixture().n_kinds()).map(|kind| format!(",p{kind}")).collect();
     assert_eq!(
         lines.next(),
-        Some(format!("sequence,captured_ns,kind,novelty,latency_ns{probabilities}").as_str())
+        Some(format!("sequence,captured_ns,kind,filtered_kind,novelty,latency_ns{probabilities}").as_str())
     );
     let frames = read_trip(&robot.path(SECOND));
     assert_eq!(lines.clone().count(), frames.len());
     for (sequence, (line, (frame, _))) in lines.zip(&frames).enumerate() {
         let beginning = format!("{sequence},{},", frame.captured.0);
         assert!(line.starts_with(&beginning), "{line}");
-        assert_eq!(line.split(',').count(), 5 + model.mixture().n_kinds(), "{line}");
+        assert_eq!(line.split(',').count(), 6 + model.mixture().n_kinds(), "{line}");
     }
     let evaluation = serde_json::from_slice(&robot.read("results/evaluation.json")).unwrap();
     assert_eq!(printed(&outcome.stdout), [rounded(&evaluation)], "{}", outcome.stdout);

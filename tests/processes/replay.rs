@@ -28,7 +28,10 @@ fn a_replay_gives_the_same_digits_again() {
     let first = robot.read(BLESSED);
     let text = String::from_utf8(first.clone()).unwrap();
     let lines: Vec<_> = text.lines().collect();
-    assert_eq!(lines[0], "sequence,status,kind,novelty,log_likelihood,p0,p1,p2,p3,p4");
+    assert_eq!(
+        lines[0],
+        "sequence,status,kind,novelty,log_likelihood,p0,p1,p2,p3,p4,filtered_kind,f0,f1,f2,f3,f4"
+    );
     assert_eq!(lines.len() - 1, Trip::SECOND.n_frames);
     let (code, said, _) = replay(&robot, SECOND, MODEL);
     let n_frames = Trip::SECOND.n_frames;

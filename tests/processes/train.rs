@@ -150,7 +150,7 @@ fn what_is_left_to_the_evidence_is_chosen_and_both_train_and_inspect_say_why() {
         ),
         format!("intrinsic dimension: {intrinsic}"),
         format!(
-            "kinds: {n_kinds}, the least BIC_neff of 1 to {}: {best:.1} nats, {:.1} less than {runner_up} kinds; \
+            "kinds: {n_kinds}, the least BIC_neff of 4 to {}: {best:.1} nats, {:.1} less than {runner_up} kinds; \
              160 frames count as {n_effective:.0} independent ones",
             tried.len(),
             second - best
@@ -226,7 +226,7 @@ fn what_the_number_of_kinds_is_chosen_by_can_be_asked_for_by_flag_and_by_file() 
         };
         let reason = match flag {
             "held-out" => format!(
-                "of 1 to {n_tried} the likeliest for blocks that were held out: {:.3} nats per frame, {more:.3} more than \
+                "of 4 to {n_tried} the likeliest for blocks that were held out: {:.3} nats per frame, {more:.3} more than \
                  {kinds}",
                 merit(best)
             ),

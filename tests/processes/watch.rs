@@ -32,13 +32,28 @@ fn watch_waits_for_a_service_and_prints_as_many_json_lines_as_asked_for() {
 fn check_line(sequence: usize, line: &str) {
     let report: Value = serde_json::from_str(line).unwrap();
     let fields: Vec<&String> = report.as_object().unwrap().keys().collect();
-    assert_eq!(fields, ["kind", "latency_ns", "log_likelihood", "probabilities", "sequence", "status"]);
-    let probabilities = report["probabilities"].as_array().unwrap().iter();
-    let probabilities: Vec<f64> = probabilities.map(|probability| probability.as_f64().unwrap()).collect();
-    assert_eq!(probabilities.len(), 5, "{line}");
-    assert!((probabilities.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{line}");
-    let kind = report["kind"].as_u64().unwrap() as usize;
-    assert!(probabilities.iter().all(|probability| *probability <= probabilities[kind]), "{line}");
+    assert_eq!(
+        fields,
+        [
+            "filtered",
+            "filtered_kind",
+            "kind",
+            "latency_ns",
+            "log_likelihood",
+            "probabilities",
+            "sequence",
+            "status"
+        ]
+    );
+    for (kind, probabilities) in [("kind", "probabilities"), ("filtered_kind", "filtered")] {
+        let probabilities = report[probabilities].as_array().unwrap().iter();
+        let probabilities: Vec<f64> =
+            probabilities.map(|probability| probability.as_f64().unwrap()).collect();
+        assert_eq!(probabilities.len(), 5, "{line}");
+        assert!((probabilities.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{line}");
+        let kind = report[kind].as_u64().unwrap() as usize;
+        assert!(probabilities.iter().all(|probability| *probability <= probabilities[kind]), "{line}");
+    }
     assert_eq!(report["sequence"].as_u64(), Some(sequence as u64));
     assert_eq!(report["status"], "classified");
     assert!(report["log_likelihood"].is_f64() && report["latency_ns"].as_u64().unwrap() > 0, "{line}");

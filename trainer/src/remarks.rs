@@ -183,6 +183,19 @@ mod tests {
     }
 
     #[test]
+    fn evidence_for_fewer_kinds_than_there_may_be_is_told() {
+        let trials = trials(&[6.0, 7.0, 8.0, 9.0], &[-3.0, -2.0, -1.0, -4.0]);
+        assert_eq!(
+            on_number(4, KindsBy::BicNeff, &trials).unwrap(),
+            "the evidence is for 1 kind, and the model has 4, the fewest that kinds_min allows"
+        );
+        assert_eq!(
+            on_number(4, KindsBy::HeldOut, &trials).unwrap(),
+            "the evidence is for 3 kinds, and the model has 4, the fewest that kinds_min allows"
+        );
+    }
+
+    #[test]
     fn evidence_that_does_not_agree_is_told() {
         let trials = trials(&[9.0, 7.0, 8.0], &[-3.0, -2.0, -1.0]);
         assert_eq!(
