@@ -95,13 +95,21 @@ pub enum TripError {
         topics: Vec<Topic>,
     },
     /// The topic asked for carries something else, or nothing.
-    #[error("{topic} in {} cannot give {role}, asked for with --{role}-topic: that takes messages of type {} in CDR", path.display(), role.types())]
+    #[error("{topic} in {} cannot give {role}, asked for with --{role}-topic: that takes messages of type {}", path.display(), role.types())]
     UnfitTopic {
         /// The trip's file.
         path: PathBuf,
         /// What the topic is wanted for.
         role: Role,
         /// The topic asked for.
+        topic: Box<Topic>,
+    },
+    /// Of several topics one gives whole frames.
+    #[error("{topic} in {} cannot be part of a frame, asked for with --frames-topic: of several topics each gives one range (sensor_msgs/msg/Range)", path.display())]
+    NotSingleRanges {
+        /// The trip's file.
+        path: PathBuf,
+        /// The topic.
         topic: Box<Topic>,
     },
     /// A message could not be read.
@@ -196,6 +204,70 @@ pub enum MessageFault {
         /// Readings in a row.
         columns: u32,
     },
+    /// Its numbers have too many dimensions.
+    #[error("its numbers have {n_dimensions} dimensions; a frame has rows and columns")]
+    Dimensions {
+        /// Dimensions of its layout.
+        n_dimensions: usize,
+    },
+    /// It has fewer numbers than it claims.
+    #[error(
+        "it has {n_numbers} numbers, but {rows} rows of {columns} need {needed} with what lies before and between them"
+    )]
+    ArrayTooShort {
+        /// Numbers in the message.
+        n_numbers: usize,
+        /// Rows of readings.
+        rows: u32,
+        /// Readings in a row.
+        columns: u32,
+        /// Numbers that all rows need.
+        needed: u64,
+    },
+    /// A cloud's points lie in no rows.
+    #[error(
+        "its {n_points} points are in one row, not organised in rows and columns; a frame has every reading in its place"
+    )]
+    NotOrganised {
+        /// Points in the message.
+        n_points: u32,
+    },
+    /// A cloud has no coordinates that are read.
+    #[error("its points have no x, y and z of FLOAT32 or FLOAT64; they have {}", if fields.is_empty() { "no fields" } else { fields })]
+    NoCoordinates {
+        /// The fields that they have.
+        fields: String,
+    },
+    /// A cloud's points overlap.
+    #[error("its points are {point_step} bytes apart, but x, y and z need {needed}")]
+    PointTooShort {
+        /// Bytes from one point to the next.
+        point_step: u32,
+        /// Bytes up to the end of the last coordinate.
+        needed: u64,
+    },
+    /// Its format is none of compressed distances.
+    #[error("its format is '{format}'; distances are read from 16UC1 and 32FC1 as compressedDepth in PNG")]
+    CompressedFormat {
+        /// The format.
+        format: String,
+    },
+    /// Its PNG cannot be read.
+    #[error("its PNG cannot be read: {what}")]
+    Png {
+        /// What is wrong with it.
+        what: String,
+    },
+    /// It has more readings than a frame may have.
+    #[error("it has {rows} × {columns} readings; a frame has at most {limit}")]
+    TooManyReadings {
+        /// Rows of readings.
+        rows: u32,
+        /// Readings in a row.
+        columns: u32,
+        /// The limit.
+        limit: u64,
+    },
     /// An image's rows overlap.
     #[error("its rows are {step} bytes apart, but {columns} pixels of {bytes_per_pixel} bytes need {needed}")]
     RowTooShort {
@@ -252,11 +324,7 @@ fn no_frames(topics: &[Topic]) -> String {
     if topics.is_empty() {
         return "it has no topics at all".to_owned();
     }
-    format!(
-        "none of its topics has messages of type {} in CDR; it has {}",
-        Role::Frames.types(),
-        list(topics)
-    )
+    format!("none of its topics has messages of type {}; it has {}", Role::Frames.types(), list(topics))
 }
 
 /// Topics in a sentence: `/a (…), /b (…)`.

@@ -37,31 +37,44 @@
 //! chunks), and [`TripReader::truncation`] says so. Damage anywhere else is a [`TripError`].
 #![forbid(unsafe_code)]
 
+mod bag_file;
 mod catalogue;
 mod chunk;
 mod command;
+mod compressed_depth;
 mod counts;
 mod error;
 mod frame;
+mod frame_message;
 mod history;
+mod info;
 mod lookahead;
 mod message;
+mod point_cloud;
 mod pose;
 mod pose_track;
 mod reader;
 mod record;
 mod recording;
+mod rhythm;
+mod ros1;
+mod salvage;
 mod stamp;
 mod summary;
 mod writer;
 
+pub use bag_file::{Compression, WriterOptions};
 pub use catalogue::{Role, Topic};
 pub use command::Command;
 pub use error::{MessageFault, TripError, TripWriteError};
 pub use frame::{FrameInfo, FrameLayout};
+pub use info::{Choice, Gives, TopicInfo, TripInfo};
+pub use lookahead::MAX_RANGE_REACH_S;
 pub use pose::Pose;
 pub use pose_track::{MAX_POSE_GAP_S, MAX_POSE_REACH_S};
 pub use reader::{Selection, TripReader};
-pub use recording::Truncation;
+pub use recording::{Format, Truncation};
+pub use rhythm::Gap;
+pub use salvage::{Loss, Salvage, SalvageError, salvage};
 pub use stamp::Stamp;
-pub use writer::{Compression, Image, ImageEncoding, Scan, TripWriter, WriterOptions};
+pub use writer::{Image, ImageEncoding, Scan, TripWriter};

@@ -18,7 +18,7 @@ use crate::record::{RECORD_HEAD_BYTES, Record, first_record};
 use crate::{TripError, summary};
 
 /// Bytes of one record in the file: a compressed chunk, or an attachment, which is stepped over in memory.
-const MAX_RECORD_BYTES: u64 = 512 << 20;
+pub(crate) const MAX_RECORD_BYTES: u64 = 512 << 20;
 
 /// What is wrong where a record's length is.
 const TOO_LONG: &str = "the record there claims more bytes than the file has left";
@@ -57,6 +57,21 @@ impl fmt::Display for Truncation {
                 "is cut off at byte {at_byte} of {n_bytes}; the {n_frames} frames before that were read"
             )
         }
+    }
+}
+
+/// What sort of file a recording is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// MCAP, as ROS 2 records.
+    Mcap,
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Mcap => "MCAP",
+        })
     }
 }
 
@@ -152,6 +167,10 @@ impl Recording {
     /// Whether the file ends as one does that was closed.
     pub(crate) fn is_closed(&self) -> bool {
         self.closed
+    }
+
+    pub(crate) fn format(&self) -> Format {
+        Format::Mcap
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -287,6 +306,34 @@ impl Recording {
 
 /// Opens a file that begins as an MCAP file does, or as the beginning of one that was cut off.
 fn open_file(path: &Path) -> Result<(File, u64), TripError> {
+    let (file, n_bytes, beginning) = open_regular(path)?;
+    let compared = beginning.len().min(mcap::MAGIC.len());
+    if beginning[..compared] != mcap::MAGIC[..compared] {
+        let looks_like = known_format(&beginning).unwrap_or("of some other kind");
+        return Err(TripError::NotMcap { path: path.to_owned(), looks_like });
+    }
+    Ok((file, n_bytes))
+}
+
+/// Opens a file that may have been an MCAP file, unless it is known for another.
+pub(crate) fn open_damaged(path: &Path) -> Result<(File, u64), TripError> {
+    let (file, n_bytes, beginning) = open_regular(path)?;
+    match known_format(&beginning) {
+        Some(looks_like) => Err(TripError::NotMcap { path: path.to_owned(), looks_like }),
+        None => Ok((file, n_bytes)),
+    }
+}
+
+fn known_format(beginning: &[u8]) -> Option<&'static str> {
+    match beginning {
+        [b'#', b'R', b'O', b'S', b'B', b'A', b'G', ..] => Some("a ROS 1 bag"),
+        [b'S', b'Q', b'L', b'i', b't', b'e', ..] => Some("an SQLite database, perhaps an older ROS 2 bag"),
+        _ => None,
+    }
+}
+
+/// Opens a file: its bytes, and the first of them.
+fn open_regular(path: &Path) -> Result<(File, u64, Vec<u8>), TripError> {
     let metadata = std::fs::metadata(path).map_err(|source| match source.kind() {
         io::ErrorKind::NotFound => TripError::NotFound { path: path.to_owned() },
         _ => TripError::Io { path: path.to_owned(), source },
@@ -301,19 +348,10 @@ fn open_file(path: &Path) -> Result<(File, u64), TripError> {
     let mut file = File::open(path).map_err(io_error(path))?;
     let mut beginning = Vec::new();
     (&mut file).take(16).read_to_end(&mut beginning).map_err(io_error(path))?;
-    if beginning.is_empty() {
-        return Err(TripError::Empty { path: path.to_owned() });
+    match beginning.is_empty() {
+        true => Err(TripError::Empty { path: path.to_owned() }),
+        false => Ok((file, metadata.len(), beginning)),
     }
-    let compared = beginning.len().min(mcap::MAGIC.len());
-    if beginning[..compared] != mcap::MAGIC[..compared] {
-        let looks_like = match beginning.as_slice() {
-            [b'#', b'R', b'O', b'S', b'B', b'A', b'G', ..] => "a ROS 1 bag",
-            [b'S', b'Q', b'L', b'i', b't', b'e', ..] => "an SQLite database, perhaps an older ROS 2 bag",
-            _ => "of some other kind",
-        };
-        return Err(TripError::NotMcap { path: path.to_owned(), looks_like });
-    }
-    Ok((file, metadata.len()))
 }
 
 /// Adds the file's name to the system's reason.

@@ -9,3 +9,4 @@ mod made_elsewhere;
 mod poses;
 mod read_elsewhere;
 mod round_trip;
+mod salvage;
