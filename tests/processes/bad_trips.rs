@@ -64,8 +64,8 @@ fn a_file_that_is_no_trip_is_a_sentence() {
     check("", "bad.mcap is empty (0 bytes): nothing was recorded");
     check(
         "frame,range\n0,1.25\n",
-        "bad.mcap is not an MCAP file but of some other kind; `ros2 bag convert` or `rosbags-convert` makes one of a \
-         ROS bag",
+        "bad.mcap is neither an MCAP file nor a ROS 1 bag but of some other kind; `ros2 bag convert` or `rosbags-convert` \
+         makes one of other bags",
     );
 }
 

@@ -212,14 +212,14 @@ impl fmt::Display for Topic {
 }
 
 /// The channels of a recording as they come, in a summary or in the data.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Catalogue {
     schema_names: BTreeMap<u32, String>,
     channels: BTreeMap<u32, Channel>,
     n_messages: BTreeMap<u32, u64>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Channel {
     schema_id: u32,
     topic: String,
@@ -241,6 +241,11 @@ impl Catalogue {
             Record::Message { channel_id, .. } => *self.n_messages.entry(channel_id).or_default() += 1,
             Record::Statistics { .. } | Record::Other => {}
         }
+    }
+
+    pub(crate) fn add_n_messages(&mut self, channel_id: u32, n_messages: u64) {
+        let counted = self.n_messages.entry(channel_id).or_default();
+        *counted = counted.saturating_add(n_messages);
     }
 
     pub(crate) fn set_n_messages(&mut self, n_messages: BTreeMap<u32, u64>) {

@@ -26,11 +26,8 @@ pub(crate) fn open(chunk_body: &[u8], records: &mut Vec<u8>) -> Result<(), Chunk
     let Some(chunk) = ChunkBody::parse(chunk_body) else {
         return Err(damaged("a chunk is shorter than what it says it holds"));
     };
-    decompress(&chunk, records)?;
-    if records.len() as u64 != chunk.uncompressed_bytes {
-        let (expected, found) = (chunk.uncompressed_bytes, records.len());
-        return Err(damaged(format!("a chunk should hold {expected} bytes and holds {found} or more")));
-    }
+    decompress(&chunk, &[b"", b"zstd", b"lz4"], records)?;
+    check_size(&chunk, records)?;
     check(&chunk, records)
 }
 
@@ -59,11 +56,33 @@ fn check(chunk: &ChunkBody<'_>, records: &[u8]) -> Result<(), ChunkFault> {
     Ok(())
 }
 
-fn decompress(chunk: &ChunkBody<'_>, records: &mut Vec<u8>) -> Result<(), ChunkFault> {
+/// Puts the records of a ROS 1 bag's chunk into `records`, likewise. It has no checksum.
+pub(crate) fn open_ros1(
+    compression: &[u8],
+    uncompressed_bytes: u64,
+    compressed: &[u8],
+    records: &mut Vec<u8>,
+) -> Result<(), ChunkFault> {
+    records.clear();
+    let compression = if compression == b"none" { b"" } else { compression };
+    let chunk = ChunkBody { uncompressed_bytes, uncompressed_crc: 0, compression, compressed };
+    decompress(&chunk, &[b"", b"bz2", b"lz4"], records)?;
+    check_size(&chunk, records)
+}
+
+fn check_size(chunk: &ChunkBody<'_>, records: &[u8]) -> Result<(), ChunkFault> {
+    let (expected, found) = (chunk.uncompressed_bytes, records.len());
+    if found as u64 != expected {
+        return Err(damaged(format!("a chunk should hold {expected} bytes and holds {found} or more")));
+    }
+    Ok(())
+}
+
+fn decompress(chunk: &ChunkBody<'_>, supported: &[&[u8]], records: &mut Vec<u8>) -> Result<(), ChunkFault> {
     if chunk.uncompressed_bytes > MAX_CHUNK_BYTES {
         return Err(ChunkFault::TooLarge { n_bytes: chunk.uncompressed_bytes });
     }
-    if ![&b""[..], b"zstd", b"lz4"].contains(&chunk.compression) {
+    if !supported.contains(&chunk.compression) {
         let name = String::from_utf8_lossy(chunk.compression).chars().take(32).collect();
         return Err(ChunkFault::UnsupportedCompression { name });
     }
@@ -74,13 +93,14 @@ fn decompress(chunk: &ChunkBody<'_>, records: &mut Vec<u8>) -> Result<(), ChunkF
 fn decompress_all(chunk: &ChunkBody<'_>, records: &mut Vec<u8>) -> io::Result<()> {
     // One byte more than there should be, so that a chunk that holds too much is noticed.
     let at_most = chunk.uncompressed_bytes.min(MAX_CHUNK_BYTES) + 1;
-    let mut source: Box<dyn Read + '_> = match chunk.compression {
+    let source: Box<dyn Read + '_> = match chunk.compression {
         b"" => Box::new(chunk.compressed),
         b"zstd" => Box::new(zstd::Decoder::with_buffer(chunk.compressed)?),
         b"lz4" => Box::new(lz4::Decoder::new(chunk.compressed)?),
+        b"bz2" => Box::new(bzip2::read::BzDecoder::new(chunk.compressed)),
         _ => Box::new(io::empty()),
     };
-    source.by_ref().take(at_most).read_to_end(records).map(drop)
+    source.take(at_most).read_to_end(records).map(drop)
 }
 
 fn undecompressable(compression: &[u8], error: &io::Error) -> ChunkFault {

@@ -39,9 +39,17 @@ pub enum TripError {
         path: PathBuf,
     },
     /// The file is of another format.
-    #[error("{} is not an MCAP file but {looks_like}; `ros2 bag convert` or `rosbags-convert` makes one of a ROS bag", path.display())]
+    #[error("{} is neither an MCAP file nor a ROS 1 bag but {looks_like}; `ros2 bag convert` or `rosbags-convert` makes one of other bags", path.display())]
     NotMcap {
         /// The trip's file.
+        path: PathBuf,
+        /// What its first bytes say that it is.
+        looks_like: &'static str,
+    },
+    /// Nothing is saved from files of another format.
+    #[error("{} is {looks_like}; only MCAP files can be saved from", path.display())]
+    UnsavedFormat {
+        /// The recording.
         path: PathBuf,
         /// What its first bytes say that it is.
         looks_like: &'static str,
@@ -161,7 +169,7 @@ pub enum TripError {
         limit: u64,
     },
     /// A chunk is compressed in a way that is not supported.
-    #[error("{} has a chunk compressed with '{name}' at byte {at_byte}; zstd, lz4 and none are read", path.display())]
+    #[error("{} has a chunk compressed with '{name}' at byte {at_byte}; {supported} are read", path.display())]
     UnsupportedCompression {
         /// The trip's file.
         path: PathBuf,
@@ -169,6 +177,8 @@ pub enum TripError {
         at_byte: u64,
         /// The compression's name in the file.
         name: String,
+        /// What can be read.
+        supported: &'static str,
     },
 }
 

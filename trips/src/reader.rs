@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::catalogue::{Catalogue, Role, Topic, choose, choose_frames};
 use crate::counts::Unit;
 use crate::lookahead::{Lookahead, MAX_RANGE_REACH_S, Topics};
-use crate::recording::{End, Recording, io_error};
-use crate::{FrameInfo, FrameLayout, TripError, Truncation, summary};
+use crate::recording::{End, Recording};
+use crate::{FrameInfo, FrameLayout, TripError, Truncation};
 
 /// What is read of a trip.
 #[derive(Debug, Clone, PartialEq)]
@@ -167,9 +167,8 @@ impl TripReader {
 
 /// The topics of a recording: from its summary, or by reading it through.
 fn topics(recording: &mut Recording, selection: &Selection) -> Result<Vec<Topic>, TripError> {
-    let n_bytes = recording.n_bytes();
     let path = recording.path().to_owned();
-    let indexed = summary::catalogue(recording.file_mut(), n_bytes).map_err(io_error(&path))?;
+    let indexed = recording.catalogue()?;
     recording.rewind()?;
     if let Some(catalogue) = indexed {
         return Ok(catalogue.topics());

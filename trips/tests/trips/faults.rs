@@ -21,10 +21,10 @@ fn files_that_are_no_trip_are_refused_in_a_sentence() {
     check("missing.mcap", None, "no trip at TRIP: there is no such file");
     check("", None, "TRIP is a directory; a trip is one .mcap file, name the one in it");
     check("empty.mcap", Some(b""), "TRIP is empty (0 bytes): nothing was recorded");
-    let not_mcap =
-        "TRIP is not an MCAP file but WHAT; `ros2 bag convert` or `rosbags-convert` makes one of a ROS bag";
+    let not_mcap = "TRIP is neither an MCAP file nor a ROS 1 bag but WHAT; `ros2 bag convert` or `rosbags-convert` makes one of other bags";
     check("text", Some(b"hello"), &not_mcap.replace("WHAT", "of some other kind"));
-    check("ros1", Some(b"#ROSBAG V2.0\n"), &not_mcap.replace("WHAT", "a ROS 1 bag"));
+    check("ros1", Some(b"#ROSBAG V1.2\n"), &not_mcap.replace("WHAT", "a ROS 1 bag of another version"));
+    check("ros1.bag", Some(b"#ROSBAG V2.0\n"), "TRIP is cut off at byte 13 of 13, before its first frame");
     check(
         "sqlite",
         Some(b"SQLite format 3\0"),

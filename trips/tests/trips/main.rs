@@ -5,6 +5,7 @@ mod choosing;
 mod commands;
 mod damage;
 mod faults;
+mod made_by_rosbags;
 mod made_elsewhere;
 mod poses;
 mod read_elsewhere;
