@@ -73,6 +73,9 @@ impl From<TripError> for Failure {
     fn from(error: TripError) -> Self {
         match error {
             TripError::Unit { .. } => Self::AskedWrongly(error.to_string()),
+            TripError::Damaged { .. } => {
+                Self::CouldNot(format!("{error}; of an MCAP file, `kinds trips recover` saves what is whole"))
+            }
             _ => Self::CouldNot(error.to_string()),
         }
     }

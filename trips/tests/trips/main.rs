@@ -8,6 +8,7 @@ mod faults;
 mod made_by_rosbags;
 mod made_elsewhere;
 mod poses;
+mod ranges;
 mod read_elsewhere;
 mod round_trip;
 mod salvage;
