@@ -214,6 +214,16 @@ pub enum MessageFault {
         /// Readings in a row.
         columns: u32,
     },
+    /// It is a range of another sensor than those before on its topic.
+    #[error(
+        "it is a range of '{to}' by its frame_id, and those before are of '{from}'; sensors that share a topic are not told apart"
+    )]
+    OtherSensor {
+        /// The sensor of the messages before.
+        from: String,
+        /// The sensor of this one.
+        to: String,
+    },
     /// Its numbers have too many dimensions.
     #[error("its numbers have {n_dimensions} dimensions; a frame has rows and columns")]
     Dimensions {

@@ -34,12 +34,22 @@ pub(crate) fn read_frame(
         FrameType::CompressedImage => read_compressed_depth(encoding, data, unit, counts),
         FrameType::Float32MultiArray => read_array(encoding, data, unit, counts),
         FrameType::Range => {
-            let (captured, count) = read_range(encoding, data, unit)?;
+            let Range { captured, count, .. } = read_range(encoding, data, unit)?;
             counts.clear();
             counts.push(count);
             Ok(FrameHead { captured, rows: 1, columns: 1 })
         }
     }
+}
+
+/// One distance, of one sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Range<'a> {
+    /// `None`: nobody set it.
+    pub(crate) captured: Option<Stamp>,
+    pub(crate) count: u16,
+    /// The sensor's own frame of reference.
+    pub(crate) frame_id: &'a [u8],
 }
 
 /// Reads a laser scan's ranges into `counts`, which is cleared first.
@@ -93,17 +103,14 @@ fn read_image(
     Ok(FrameHead { captured: stamp(&image.header), rows: image.height, columns: image.width })
 }
 
-/// Reads one distance: when, if the message says so, and its count.
-pub(crate) fn read_range(
-    encoding: Encoding,
-    data: &[u8],
-    unit: Unit,
-) -> Result<(Option<Stamp>, u16), MessageFault> {
+/// Reads one distance.
+pub(crate) fn read_range(encoding: Encoding, data: &[u8], unit: Unit) -> Result<Range<'_>, MessageFault> {
     let message: RangeMessage<&[u8]> = decode(encoding, data)?;
     let RangeMessage { range_min, range_max, range, .. } = message;
     let limits = RangeLimits { range_m_min: range_min, range_m_max: range_max };
     let count = count_within(limits, range, unit.no_return(range_max), unit);
-    Ok((stamp(&message.header), count))
+    let frame_id = unterminated(message.header.frame_id);
+    Ok(Range { captured: stamp(&message.header), count, frame_id })
 }
 
 /// Reads a row of metres, or rows and columns of them.

@@ -1,12 +1,14 @@
-//! Recorded trips: ROS 2 bags in MCAP, read and written.
+//! Recorded trips: ROS 2 bags in MCAP, read and written, and ROS 1 bags, read.
 //!
-//! A *trip* is one `.mcap` file: frames of one range sensor (`sensor_msgs/msg/LaserScan`, or `sensor_msgs/msg/Image`
-//! as `16UC1` or `32FC1`) and, where the robot knew them, poses (`nav_msgs/msg/Odometry`, or
-//! `geometry_msgs/msg/PoseStamped` where there is no odometry or it is asked for by name) and what it was told to do
-//! (`geometry_msgs/msg/Twist` or `geometry_msgs/msg/TwistStamped`), encoded as CDR.
+//! A *trip* is one file: frames of one range sensor and, where the robot knew them, poses (`nav_msgs/Odometry`, or
+//! `geometry_msgs/PoseStamped` where there is no odometry or it is asked for by name) and what it was told to do
+//! (`geometry_msgs/Twist` or `geometry_msgs/TwistStamped`), encoded as CDR or as ROS 1 does. Frames are messages of
+//! `sensor_msgs`: `LaserScan`, `Image` (`16UC1`, `32FC1`), `CompressedImage` (`compressedDepth` in PNG), `PointCloud2`
+//! (organised), `Range` (several topics make one frame); or `std_msgs/Float32MultiArray`.
 //!
 //! * [`TripReader`] turns it into *frames*: `u16` counts of a stated unit, each with its time of capture, and the pose
 //!   and the command at that time. Reading streams: memory does not grow with the length of the trip.
+//! * [`TripInfo`] says what is in a file; [`salvage()`] saves what is whole of a damaged one.
 //! * [`TripWriter`] writes the same, and kinds beside them, for `ros2 bag`, Foxglove, PlotJuggler and the `rosbags`
 //!   package to read.
 //!
@@ -16,8 +18,17 @@
 //! |---|---|
 //! | NaN, −Inf, a negative value; outside `range_min … range_max`; finite, but more than 65535 counts | 0: invalid |
 //! | +Inf: no return | the largest range: of a scan its `range_max` (at most 65535 counts), of an image 65535 |
+//! | a cloud's point | its distance: z in an optical frame (`frame_id` ends with `optical_frame`), else from the origin |
 //! | any other number of metres | that divided by the unit, rounded to the nearest count |
 //! | 16UC1 | its millimetres in the unit; at 1 mm the pixel itself |
+//!
+//! A range is like one of a scan. Clouds, numbers and compressed images have no limit of their own, as images.
+//!
+//! # Ranges become a frame
+//!
+//! Of several topics with one range each the first sets the pace: each of its messages makes a frame, with of every other
+//! topic the range nearest in time, at most [`MAX_RANGE_REACH_S`] away. Where there is none the reading is invalid, and
+//! [`TripReader::missing_readings`] counts it.
 //!
 //! # Poses come to frames
 //!
@@ -34,7 +45,8 @@
 //! # Recordings that were cut off
 //!
 //! A recording that a power cut ended is read up to its last whole chunk (its last whole message where it has no
-//! chunks), and [`TripReader::truncation`] says so. Damage anywhere else is a [`TripError`].
+//! chunks), and [`TripReader::truncation`] says so. Damage anywhere else is a [`TripError`]. In ROS 1 bags, which have no
+//! checksums, only damage to their structure is seen.
 #![forbid(unsafe_code)]
 
 mod bag_file;

@@ -11,9 +11,9 @@
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
-use crate::catalogue::{CommandType, Encoding, FrameTopics, PoseType, Topic};
+use crate::catalogue::{CommandType, Encoding, FrameTopics, FrameType, PoseType, Topic};
 use crate::counts::{INVALID, Unit};
-use crate::frame_message::{FrameHead, read_frame, read_range};
+use crate::frame_message::{FrameHead, Range, quoted, read_frame, read_range};
 use crate::history::History;
 use crate::message::{read_command, read_pose};
 use crate::pose_track::pose_at;
@@ -52,7 +52,9 @@ pub(crate) struct Lookahead {
     /// Buffers of frames that were taken, for the next.
     spare: Vec<Vec<u16>>,
     around: Around,
-    /// Messages of each topic with a single range but the first, and frames for which there was none near enough.
+    /// Of each topic with a single range, whose it is.
+    range_ids: Vec<Option<Vec<u8>>>,
+    /// Messages of each such topic but the first, and frames for which there was none near enough.
     n_ranges: Vec<u64>,
     n_missing: Vec<u64>,
     n_frames: u64,
@@ -89,6 +91,7 @@ impl Lookahead {
             waiting: VecDeque::new(),
             spare: Vec::new(),
             around,
+            range_ids: vec![None; 1 + n_partners],
             n_ranges: vec![0; n_partners],
             n_missing: vec![0; n_partners],
             n_frames: 0,
@@ -178,8 +181,19 @@ impl Lookahead {
         let mut counts = self.spare.pop().unwrap_or_default();
         let FrameTopics { topics, frame_type } = &self.topics.frames;
         let topic = &topics[0];
-        let head = read_frame(*frame_type, encoding(topic), data, self.unit, &mut counts)
-            .map_err(|fault| self.message_error(topic, number, fault))?;
+        let head = match frame_type {
+            FrameType::Range => {
+                let range = read_range(encoding(topic), data, self.unit)
+                    .and_then(|range| of_one_sensor(range, &mut self.range_ids[0]));
+                counts.clear();
+                range.map(|Range { captured, count, .. }| {
+                    counts.push(count);
+                    FrameHead { captured, rows: 1, columns: 1 }
+                })
+            }
+            _ => read_frame(*frame_type, encoding(topic), data, self.unit, &mut counts),
+        };
+        let head = head.map_err(|fault| self.message_error(topic, number, fault))?;
         let n_partners = self.around.ranges.len();
         let FrameHead { captured, rows, columns } = head;
         counts.resize(counts.len() + n_partners, INVALID);
@@ -212,9 +226,11 @@ impl Lookahead {
     fn accept_range(&mut self, partner: usize, data: &[u8], logged: Stamp) -> Result<(), TripError> {
         let topic = &self.topics.frames.topics[1 + partner];
         self.n_ranges[partner] += 1;
-        let (at, count) = read_range(encoding(topic), data, self.unit)
-            .map_err(|fault| self.message_error(topic, self.n_ranges[partner], fault))?;
-        self.around.ranges[partner].insert(at.unwrap_or(logged), count);
+        let range = read_range(encoding(topic), data, self.unit)
+            .and_then(|range| of_one_sensor(range, &mut self.range_ids[1 + partner]));
+        let Range { captured, count, .. } =
+            range.map_err(|fault| self.message_error(topic, self.n_ranges[partner], fault))?;
+        self.around.ranges[partner].insert(captured.unwrap_or(logged), count);
         Ok(())
     }
 
@@ -266,6 +282,15 @@ impl Waiting {
     }
 }
 
+/// A range, if it is of the sensor that those before on its topic are of.
+fn of_one_sensor<'a>(range: Range<'a>, frame_id: &mut Option<Vec<u8>>) -> Result<Range<'a>, MessageFault> {
+    let before = frame_id.get_or_insert_with(|| range.frame_id.to_owned());
+    match before == range.frame_id {
+        true => Ok(range),
+        false => Err(MessageFault::OtherSensor { from: quoted(before), to: quoted(range.frame_id) }),
+    }
+}
+
 /// The range nearest in time, of two as near the earlier.
 fn range_at(ranges: &History<u16>, at: Stamp) -> Option<u16> {
     let distance_s = |stamp: Stamp| at.seconds_since(stamp).abs();
@@ -285,7 +310,7 @@ fn encoding(topic: &Topic) -> Encoding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalogue::{FrameType, IMAGE, ODOMETRY, TWIST_STAMPED};
+    use crate::catalogue::{IMAGE, ODOMETRY, TWIST_STAMPED};
     use crate::history::MAX_VALUES;
     use crate::message::{Header, ImageMessage, OdometryMessage, TwistStampedMessage, encode};
 

@@ -23,7 +23,8 @@ fn describe(saved: &Salvage, to: &Path) -> String {
     let mut lines =
         vec![format!("saved {n_messages}{of} messages on {n_topics} {topics} into {}", to.display())];
     if *n_losses > 0 {
-        lines.push(format!("lost {n_bytes_lost} bytes in {n_losses} places:"));
+        let places = if *n_losses == 1 { "place" } else { "places" };
+        lines.push(format!("lost {n_bytes_lost} bytes in {n_losses} {places}:"));
         lines.extend(losses.iter().map(|loss| format!("  {loss}")));
         let n_more = n_losses - losses.len() as u64;
         if n_more > 0 {

@@ -11,6 +11,12 @@ fn range(stamp: (u32, u32), metres: f32) -> Vec<u8> {
     Cdr::new(false).header(stamp).u8(0).f32s(&[0.5, 0.1, 4.0, metres]).done()
 }
 
+/// The same of another sensor.
+fn other_range((sec, nanosec): (u32, u32), metres: f32) -> Vec<u8> {
+    let message = Cdr::new(false).u32(sec).u32(nanosec).bytes(b"other\0");
+    message.u8(0).f32s(&[0.5, 0.1, 4.0, metres]).done()
+}
+
 const MS: u32 = 1_000_000;
 
 /// A bag with messages on `/left` and `/right`, by milliseconds and metres, logged in the order of `order`.
@@ -119,4 +125,28 @@ fn single_ranges_are_a_frame_only_where_nothing_better_is_or_they_are_named() {
         sentence.contains(" has no topic /sonar_11, asked for with --frames-topic; it has /odom ("),
         "{sentence}"
     );
+}
+
+#[test]
+fn sensors_that_share_a_topic_are_refused() {
+    let folder = Folder::new();
+    let path = folder.join("trip.mcap");
+    for shared in ["/left", "/right"] {
+        let mut bag = Bag::create(&path);
+        for name in ["/left", "/right"] {
+            let id = bag.topic(name, RANGE);
+            bag.message(id, 1, &range((1000, 0), 1.0));
+            if name == shared {
+                bag.message(id, 2, &other_range((1000, MS), 1.0));
+            }
+        }
+        bag.finish();
+        let sentence = read(&path).map_or_else(|error| error, |trip| trip.failure.unwrap()).to_string();
+        let expected = format!(
+            "message 2 on {shared} in {}: it is a range of 'other' by its frame_id, and those before are of 'sensor'; sensors \
+             that share a topic are not told apart",
+            path.display()
+        );
+        assert_eq!(sentence, expected);
+    }
 }
