@@ -15,8 +15,8 @@ use crate::record::Fields;
 /// Readings of a frame: a PNG of few bytes can claim, and have, any number.
 const MAX_READINGS: u64 = 16 << 20;
 
-/// Memory that decoding may take beside a row.
-const MAX_DECODER_BYTES: usize = 64 << 20;
+/// Memory that the decoder may take: a few rows.
+const MAX_DECODER_BYTES: usize = 8 << 20;
 
 /// How a pixel becomes a distance.
 #[derive(Clone, Copy)]
@@ -73,6 +73,7 @@ fn read_png(
     let mut decoder =
         png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: MAX_DECODER_BYTES });
     decoder.ignore_checksums(false);
+    decoder.set_ignore_text_chunk(true);
     let mut reader = decoder.read_info().map_err(fault)?;
     let (columns, rows) = reader.info().size();
     if u64::from(rows) * u64::from(columns) > MAX_READINGS {

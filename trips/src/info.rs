@@ -178,7 +178,7 @@ impl Reading {
             // What a channel was taken for may have changed.
             Record::Schema { .. } | Record::Channel { .. } => self.keys.clear(),
             Record::Message { channel_id, log_time, data, .. } => {
-                self.add_message(channel_id, log_time, data)
+                self.add_message(channel_id, log_time, data);
             }
             Record::Statistics { .. } | Record::Other => {}
         }

@@ -32,7 +32,8 @@ impl Default for Selection {
 /// A trip being read: frames in the order of the recording, each with its pose and its command.
 ///
 /// Holds one chunk of the recording, at most 256 frames that wait for the pose and the command after them (and at most
-/// 32 MiB of these, but at least 4), the last 4096 poses and as many commands, however long the trip.
+/// 32 MiB of these, but at least 4), the last 4096 poses, and as many commands
+/// and single ranges of each topic, however long the trip.
 pub struct TripReader {
     recording: Recording,
     lookahead: Lookahead,

@@ -307,12 +307,12 @@ fn parse_index(mut bytes: &[u8], n_connections: u32, n_chunks: u32) -> Option<Ca
     let (mut n_connections_found, mut n_chunks_found) = (0, 0);
     while !bytes.is_empty() {
         let (header, data, n_bytes) = first_record(bytes)?;
-        match field(header, b"op")? {
-            &[op::CONNECTION] => {
+        match *field(header, b"op")? {
+            [op::CONNECTION] => {
                 parse(header, data)?.iter().flatten().for_each(|record| catalogue.add(record));
                 n_connections_found += 1;
             }
-            &[op::CHUNK_INFO] => {
+            [op::CHUNK_INFO] => {
                 let mut counts = Fields(data);
                 while !counts.0.is_empty() {
                     catalogue.add_n_messages(counts.u32()?, counts.u32()?.into());
@@ -335,8 +335,8 @@ fn first_record(bytes: &[u8]) -> Option<(&[u8], &[u8], usize)> {
 
 /// What a record says, of a connection in two parts; `None` if something in it is missing.
 fn parse<'a>(header: &'a [u8], data: &'a [u8]) -> Option<[Option<Record<'a>>; 2]> {
-    Some(match field(header, b"op")? {
-        &[op::CONNECTION] => {
+    Some(match *field(header, b"op")? {
+        [op::CONNECTION] => {
             let id = u32_field(header, b"conn")?;
             let definition = field(data, b"message_definition").unwrap_or_default();
             let (name, encoding) = (field(data, b"type")?, &b"ros1msg"[..]);
@@ -349,7 +349,7 @@ fn parse<'a>(header: &'a [u8], data: &'a [u8]) -> Option<[Option<Record<'a>>; 2]
             };
             [Some(Record::Schema { id, name, encoding, definition }), Some(channel)]
         }
-        &[op::MESSAGE] => {
+        [op::MESSAGE] => {
             let mut time = Fields(field(header, b"time")?);
             let log_time = u64::from(time.u32()?) * 1_000_000_000 + u64::from(time.u32()?);
             let channel_id = u32_field(header, b"conn")?;

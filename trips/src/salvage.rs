@@ -12,7 +12,7 @@ use std::fmt;
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use mcap::records::{MessageHeader, Metadata, op};
 use mcap::{Attachment, MAGIC};
@@ -26,8 +26,12 @@ use crate::{TripError, TripWriteError, summary};
 /// Losses that are remembered one by one.
 const MAX_LOSSES: usize = 100;
 
-/// Bytes of the file that are searched at once for the next whole record.
-const SEARCHED_BYTES: usize = 1 << 20;
+/// What is wrong where a record's fields need more than its length.
+const SHORT_RECORD: &str = "a record there is shorter than what it says it holds";
+
+/// Bytes of the file that are searched first for the next whole record, and then at once: it is near, or far away.
+const SEARCHED_FIRST_BYTES: u64 = 16 << 10;
+const SEARCHED_BYTES: u64 = 1 << 20;
 
 /// Bytes of a chunk's record that show it for one: its head, its sizes, and the name of its compression.
 const CHUNK_HEAD_BYTES: usize = RECORD_HEAD_BYTES + 8 + 8 + 8 + 4 + 4 + 4 + 8;
@@ -95,7 +99,7 @@ pub enum SalvageError {
     #[error("{} has no whole message to save in its {n_bytes} bytes", path.display())]
     Nothing {
         /// The recording.
-        path: std::path::PathBuf,
+        path: PathBuf,
         /// Bytes in the file.
         n_bytes: u64,
     },
@@ -174,6 +178,7 @@ impl<'a> Wreck<'a> {
         let mut at_byte = MAGIC.len() as u64;
         while at_byte < self.n_bytes {
             let head = self.head(at_byte)?;
+            let n_saved_before = salvor.salvage.n_messages;
             let what = match head {
                 Some(head) if head.is_plausible() && self.load(at_byte, head)? => {
                     self.is_chunked |= head.opcode == op::CHUNK;
@@ -190,6 +195,13 @@ impl<'a> Wreck<'a> {
                             at_byte += head.n_bytes();
                             continue;
                         }
+                        Saved::Partly(what) => {
+                            let n_messages_saved = salvor.salvage.n_messages - n_saved_before;
+                            let n_bytes = head.n_bytes();
+                            salvor.lose(Loss { at_byte, n_bytes, n_messages_saved, what });
+                            at_byte += n_bytes;
+                            continue;
+                        }
                         Saved::Not(what) => what,
                     }
                 }
@@ -201,7 +213,6 @@ impl<'a> Wreck<'a> {
                 Some(_) => "what stands there is no record".to_owned(),
             };
             let next = self.search(at_byte + 1)?;
-            let n_saved_before = salvor.salvage.n_messages;
             if head.is_some_and(|head| head.opcode == op::CHUNK) {
                 self.save_beginning(at_byte, next, salvor)?;
             }
@@ -242,7 +253,7 @@ impl<'a> Wreck<'a> {
         let mut hasher = crc32fast::Hasher::new();
         let mut at_byte = 0;
         while at_byte < end {
-            let n_bytes = (SEARCHED_BYTES as u64).min(end - at_byte);
+            let n_bytes = SEARCHED_BYTES.min(end - at_byte);
             self.read(n_bytes, at_byte)?;
             hasher.update(&self.body);
             at_byte += n_bytes;
@@ -298,9 +309,10 @@ impl<'a> Wreck<'a> {
 
     /// Where the next record begins that shows itself as one, from a byte on; the end of the file if none does.
     fn search(&mut self, from: u64) -> Result<u64, TripError> {
-        let mut at_byte = from;
+        let (mut at_byte, mut at_most) = (from, SEARCHED_FIRST_BYTES);
         while at_byte + (RECORD_HEAD_BYTES as u64) < self.n_bytes {
-            let n_bytes = (SEARCHED_BYTES as u64).min(self.n_bytes - at_byte);
+            let n_bytes = at_most.min(self.n_bytes - at_byte);
+            at_most = SEARCHED_BYTES;
             self.read(n_bytes, at_byte)?;
             for (index, candidate) in self.body.windows(RECORD_HEAD_BYTES).enumerate() {
                 let found = at_byte + index as u64;
@@ -345,7 +357,9 @@ enum Saved {
     Whole,
     /// It closes the data: what follows repeats what was there before.
     Last,
-    /// Why it is not whole.
+    /// It is a chunk as it was written, and in it something is not whole: what. What is before that was saved.
+    Partly(String),
+    /// Why it is not whole. Nothing of it was saved.
     Not(String),
 }
 
@@ -398,10 +412,10 @@ impl Salvor {
     fn add_all(&mut self, mut records: &[u8]) -> Result<Saved, SalvageError> {
         while !records.is_empty() {
             let Some((opcode, body, n_bytes)) = first_record(records) else {
-                return Ok(Saved::Not("a record there is shorter than what it says it holds".to_owned()));
+                return Ok(Saved::Partly(SHORT_RECORD.to_owned()));
             };
             if let Saved::Not(what) = self.add(opcode, body)? {
-                return Ok(Saved::Not(what));
+                return Ok(Saved::Partly(what));
             }
             records = &records[n_bytes..];
         }
@@ -409,7 +423,7 @@ impl Salvor {
     }
 
     fn add(&mut self, opcode: u8, body: &[u8]) -> Result<Saved, SalvageError> {
-        let broken = || Ok(Saved::Not("a record there is shorter than what it says it holds".to_owned()));
+        let broken = || Ok(Saved::Not(SHORT_RECORD.to_owned()));
         match opcode {
             op::ATTACHMENT => match parse_attachment(body) {
                 Some(attachment) => self.bag.attach(&attachment)?,

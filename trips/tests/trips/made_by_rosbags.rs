@@ -1,7 +1,7 @@
 //! Bags that `rosbags` wrote, the independent implementation in Python, where Python has it: the same trip as a ROS 2 bag
 //! in MCAP, and as ROS 1 bags of each compression, with every type of message that is read.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use kinds_trips::{Gives, Role, Selection, TripInfo, salvage};
@@ -25,7 +25,7 @@ fn bags() -> Option<(Folder, Vec<PathBuf>)> {
 }
 
 /// Reads frames from a topic, or several, with poses and commands of others.
-fn read(bag: &PathBuf, frames: &str, poses: &str, commands: &str) -> Read {
+fn read(bag: &Path, frames: &str, poses: &str, commands: &str) -> Read {
     let some = |name: &str| Some(name.to_owned());
     let selection = Selection {
         frames_topic: some(frames),

@@ -5,6 +5,7 @@ mod choosing;
 mod commands;
 mod damage;
 mod faults;
+mod info;
 mod made_by_rosbags;
 mod made_elsewhere;
 mod poses;

@@ -1,5 +1,6 @@
 //! What is saved of damaged recordings: all that is whole, and nothing else.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use kinds_trips::{Salvage, SalvageError, salvage};
@@ -63,7 +64,7 @@ fn of_a_recording_cut_off_anywhere_all_messages_before_are_saved() {
         let whole = messages(&folder.write("whole.mcap", &bytes));
         let mut n_before = 0;
         // Not all: each one waits for the disk.
-        for n_bytes in (0..bytes.len()).rev().step_by(7).collect::<Vec<_>>().into_iter().rev() {
+        for n_bytes in (0..bytes.len()).rev().step_by(13).collect::<Vec<_>>().into_iter().rev() {
             match saved(&folder, &bytes[..n_bytes]) {
                 Ok((salvage, found)) => {
                     assert!(whole.starts_with(&found), "{n_bytes}");
@@ -99,7 +100,7 @@ fn of_a_recording_with_a_wrong_byte_anywhere_what_is_saved_is_as_it_was_recorded
         let whole = messages(&folder.write("whole.mcap", &bytes));
         let is_chunked = !chunk_ends(&bytes).is_empty();
         let (mut n_flips, mut n_saved) = (0, 0);
-        for (index, flip) in flips(&bytes).step_by(9) {
+        for (index, flip) in flips(&bytes).step_by(19) {
             let mut flipped = bytes.clone();
             flipped[index] ^= flip;
             n_flips += 1;
@@ -234,4 +235,22 @@ fn what_has_nothing_whole_is_refused_and_leaves_nothing() {
         sentence,
         format!("could not write {}: it is a directory; name a file in it", taken.display())
     );
+}
+
+#[test]
+fn a_wrong_byte_in_a_recording_without_checksums_never_saves_a_message_twice() {
+    let folder = Folder::new();
+    let path = folder.join("trip.mcap");
+    for is_chunked in [true, false] {
+        write_unchecked(&path, is_chunked);
+        let bytes = std::fs::read(&path).unwrap();
+        for (index, flip) in flips(&bytes).step_by(5) {
+            let mut flipped = bytes.clone();
+            flipped[index] ^= flip;
+            if let Ok((salvage, found)) = saved(&folder, &flipped) {
+                let different: BTreeSet<&Message> = found.iter().collect();
+                assert_eq!(different.len(), found.len(), "byte {index} ^ {flip:#x}: {salvage:?}");
+            }
+        }
+    }
 }
