@@ -77,7 +77,7 @@ fn a_trip_without_frames_is_a_sentence_that_lists_its_topics() {
         &robot,
         "odometry.mcap",
         "odometry.mcap has no frames: none of its topics has messages of type sensor_msgs/msg/LaserScan, \
-         sensor_msgs/msg/Image, sensor_msgs/msg/PointCloud2, sensor_msgs/msg/CompressedImage, sensor_msgs/msg/Range or \
+         sensor_msgs/msg/Image, sensor_msgs/msg/PointCloud2, sensor_msgs/msg/CompressedImage (compressedDepth), sensor_msgs/msg/Range or \
          std_msgs/msg/Float32MultiArray; it has /odom (nav_msgs/msg/Odometry, 160 messages)",
     );
 }
@@ -167,7 +167,7 @@ fn topics_to_choose_from_are_listed_with_the_flag_that_chooses() {
         1,
         "/odom (nav_msgs/msg/Odometry, 160 messages) in two.mcap cannot give frames, asked for with --frames-topic: \
          that takes messages of type sensor_msgs/msg/LaserScan, sensor_msgs/msg/Image, sensor_msgs/msg/PointCloud2, \
-         sensor_msgs/msg/CompressedImage, sensor_msgs/msg/Range or std_msgs/msg/Float32MultiArray",
+         sensor_msgs/msg/CompressedImage (compressedDepth), sensor_msgs/msg/Range or std_msgs/msg/Float32MultiArray",
     );
 
     Trip { poses_topics: &["/odom", "/slam"], ..Trip::FIRST }.write(&robot.path("poses.mcap"));

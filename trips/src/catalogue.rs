@@ -85,7 +85,7 @@ impl Role {
     pub fn types(self) -> String {
         match self {
             Role::Frames => format!(
-                "{LASER_SCAN}, {IMAGE}, {POINT_CLOUD2}, {COMPRESSED_IMAGE}, {RANGE} or {FLOAT32_MULTI_ARRAY}"
+                "{LASER_SCAN}, {IMAGE}, {POINT_CLOUD2}, {COMPRESSED_IMAGE} (compressedDepth), {RANGE} or {FLOAT32_MULTI_ARRAY}"
             ),
             Role::Poses => format!("{ODOMETRY} or {POSE_STAMPED}"),
             Role::Commands => format!("{TWIST} or {TWIST_STAMPED}"),
