@@ -343,6 +343,7 @@ impl<'a> Wreck<'a> {
             }),
             op::MESSAGE_INDEX => index_agrees(inner, head),
             op::DATA_END => head.body_bytes == 4,
+            op::FOOTER => head.body_bytes == 8 + 8 + 4,
             // In a chunk these lie too, and there they are as damaged as the chunk is.
             op::SCHEMA | op::CHANNEL | op::MESSAGE => !self.is_chunked,
             _ => false,

@@ -174,6 +174,13 @@ fn what_was_lost_is_told_in_words_and_everything_around_it_is_saved() {
     assert_eq!((found, salvage.n_losses), ([&whole[..1], &whole[3..]].concat(), 1));
     assert!(salvage.losses[0].to_string().ends_with(": what stands there is no record"), "{salvage:?}");
 
+    // The index at the end is nought, all but the footer.
+    let mut blank = bytes.clone();
+    let footer = bytes.len() - mcap::MAGIC.len() - 9 - 20;
+    blank[ends[5]..footer].fill(0);
+    let (salvage, found) = saved(&folder, &blank).unwrap();
+    assert_eq!((found, salvage.n_losses, salvage.was_closed), (whole.clone(), 1, true));
+
     // The first byte of all.
     let mut magic = bytes.clone();
     magic[0] ^= 1;
