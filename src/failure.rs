@@ -8,7 +8,7 @@ use kinds_driver_shim::ShimError;
 use kinds_messages::ChannelError;
 use kinds_model::FitError;
 use kinds_trainer::{EvaluateError, LoadError, MeetingError, RivalError, TrainError};
-use kinds_trips::{TripError, TripWriteError};
+use kinds_trips::{SalvageError, TripError, TripWriteError};
 
 use crate::model_file::ModelFailure;
 
@@ -73,6 +73,18 @@ impl From<TripError> for Failure {
     fn from(error: TripError) -> Self {
         match error {
             TripError::Unit { .. } => Self::AskedWrongly(error.to_string()),
+            TripError::Damaged { .. } => {
+                Self::CouldNot(format!("{error}; of an MCAP file, `kinds trips recover` saves what is whole"))
+            }
+            _ => Self::CouldNot(error.to_string()),
+        }
+    }
+}
+
+impl From<SalvageError> for Failure {
+    fn from(error: SalvageError) -> Self {
+        match error {
+            SalvageError::Read(error) => error.into(),
             _ => Self::CouldNot(error.to_string()),
         }
     }

@@ -57,5 +57,6 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Record(arguments) => commands::record::run(&arguments),
         Verb::Replay(arguments) => commands::replay::run(&arguments),
         Verb::Doctor(arguments) => commands::doctor::run(&arguments),
+        Verb::Trips(arguments) => commands::trips::run(&arguments),
     }
 }

@@ -12,7 +12,7 @@ use kinds_driver_shim::Faults;
 use kinds_messages::{FrameHeader, HealthReport};
 use kinds_model::{SensorLayout, file};
 use kinds_trainer::{Config, CountsSeen, SegmentFormat, Segmentation};
-use kinds_trips::{Selection, TripReader};
+use kinds_trips::{Choice, Selection, TripInfo, TripReader, salvage};
 
 /// A model file. What is not refused is written again as the same bytes.
 pub(crate) fn model(bytes: &[u8]) -> Result<(), String> {
@@ -21,15 +21,36 @@ pub(crate) fn model(bytes: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// A recorded trip, read to its end.
+/// A recorded trip, looked through and read to its end. What its first bytes say decides whether it is of MCAP or ROS 1.
 pub(crate) fn bag(bytes: &[u8]) -> Result<(), String> {
     let file = tempfile::NamedTempFile::new().expect("a temporary file can be made");
     std::fs::write(file.path(), bytes).expect("a temporary file can be written");
-    read_bag(file.path()).map_err(|error| error.to_string())
+    let info = TripInfo::read(file.path()).map_err(|error| error.to_string())?;
+    // Each way to read it that is offered is taken, and must not end the process.
+    for Choice { name, .. } in info.frames().into_iter().take(8) {
+        let selection = Selection { frames_topic: Some(name), ..Selection::default() };
+        let _ = read_bag(file.path(), &selection);
+    }
+    read_bag(file.path(), &Selection::default()).map_err(|error| error.to_string())
 }
 
-fn read_bag(path: &Path) -> Result<(), kinds_trips::TripError> {
-    let mut trip = TripReader::open(path, &Selection::default())?;
+/// A damaged recording, what is whole of which is saved. What was saved is whole.
+pub(crate) fn wreck(bytes: &[u8]) -> Result<(), String> {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let (from, to) = (folder.path().join("wreck.mcap"), folder.path().join("saved.mcap"));
+    std::fs::write(&from, bytes).expect("a temporary file can be written");
+    let saved = salvage(&from, &to).map_err(|error| error.to_string());
+    assert_eq!(to.exists(), saved.is_ok(), "it is whole or not there");
+    let n_messages = saved?.n_messages;
+    let info = TripInfo::read(&to).expect("what was saved can be read");
+    assert!(info.failure.is_none() && info.cut_off.is_none(), "{info:?}");
+    let counts = info.topics.iter().map(|topic| topic.topic.n_messages);
+    assert_eq!(counts.sum::<u64>(), n_messages, "and has what is said");
+    Ok(())
+}
+
+fn read_bag(path: &Path, selection: &Selection) -> Result<(), kinds_trips::TripError> {
+    let mut trip = TripReader::open(path, selection)?;
     let mut counts = vec![0; trip.layout().n_readings()];
     while trip.next_frame(&mut counts)?.is_some() {}
     Ok(())

@@ -2,6 +2,7 @@
 
 mod evaluate;
 mod train;
+mod trips;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -16,6 +17,7 @@ use kinds_trips::Selection;
 
 pub(crate) use self::evaluate::EvaluateArguments;
 pub(crate) use self::train::TrainArguments;
+pub(crate) use self::trips::{ConvertArguments, InfoArguments, RecoverArguments, TripsArguments, TripsVerb};
 use crate::log::Format;
 use crate::owner::Joined;
 
@@ -93,6 +95,8 @@ pub(crate) enum Verb {
     Replay(ReplayArguments),
     /// Say why nothing arrives: who is there, whether they agree, and what to do about it
     Doctor(DoctorArguments),
+    /// Look into recorded trips, convert them, and save what is whole of damaged ones
+    Trips(TripsArguments),
 }
 
 #[derive(Args, Debug)]
@@ -108,7 +112,8 @@ pub(crate) struct DemoArguments {
 /// What to read of a trip.
 #[derive(Args, Debug)]
 pub(crate) struct ReadingArguments {
-    /// Topic of the frames [default: the only one that fits]
+    /// Topic of the frames, or several with single ranges (sensor_msgs/Range) and commas between them [default: the only one
+    /// that fits, or all single ranges; `kinds trips info` shows what there is]
     #[arg(long, value_name = "NAME")]
     frames_topic: Option<String>,
     /// Topic of the poses [default: the only one that fits]

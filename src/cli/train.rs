@@ -11,7 +11,7 @@ use super::ReadingArguments;
 #[derive(Args, Debug)]
 #[command(allow_negative_numbers = true)]
 pub(crate) struct TrainArguments {
-    /// ROS 2 bags (MCAP) of one sensor
+    /// ROS 2 bags (MCAP) or ROS 1 bags of one sensor
     #[arg(required = true, value_name = "TRIP")]
     pub(crate) trips: Vec<PathBuf>,
     /// File to write the model to

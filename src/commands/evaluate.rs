@@ -219,7 +219,7 @@ fn read_trip(
     bar: &mut StepBar,
 ) -> Result<LoadedTrip, Failure> {
     let trip = load(path, selection, &mut |stage, done, all| bar.show(stage, done, all))?;
-    if let Some(remark) = &trip.survey.truncation {
+    for remark in &trip.survey.remarks {
         log::notice(remark);
     }
     if model.commands().is_some() {

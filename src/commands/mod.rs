@@ -11,6 +11,7 @@ pub(crate) mod replay;
 pub(crate) mod serve;
 pub(crate) mod top;
 pub(crate) mod train;
+pub(crate) mod trips;
 pub(crate) mod watch;
 
 use kinds_messages::OwnDomain;

@@ -27,8 +27,13 @@ const HELD_PER_BYTE: usize = 300;
 
 type Target = fn(&[u8]) -> Result<(), String>;
 
-const TARGETS: [(&str, Target); 4] =
-    [("model", targets::model), ("bag", targets::bag), ("ron", targets::ron), ("message", targets::message)];
+const TARGETS: [(&str, Target); 5] = [
+    ("model", targets::model),
+    ("bag", targets::bag),
+    ("wreck", targets::wreck),
+    ("ron", targets::ron),
+    ("message", targets::message),
+];
 
 /// Calls a target, and asserts how much it holds and that it refuses in words. Returns whether it took the bytes.
 fn is_taken(target: Target, bytes: &[u8]) -> bool {

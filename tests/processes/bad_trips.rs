@@ -64,8 +64,8 @@ fn a_file_that_is_no_trip_is_a_sentence() {
     check("", "bad.mcap is empty (0 bytes): nothing was recorded");
     check(
         "frame,range\n0,1.25\n",
-        "bad.mcap is not an MCAP file but of some other kind; `ros2 bag convert` or `rosbags-convert` makes one of a \
-         ROS bag",
+        "bad.mcap is neither an MCAP file nor a ROS 1 bag but of some other kind; `ros2 bag convert` or `rosbags-convert` \
+         makes one of other bags",
     );
 }
 
@@ -76,8 +76,9 @@ fn a_trip_without_frames_is_a_sentence_that_lists_its_topics() {
     check_every_verb(
         &robot,
         "odometry.mcap",
-        "odometry.mcap has no frames: none of its topics has messages of type sensor_msgs/msg/LaserScan or \
-         sensor_msgs/msg/Image in CDR; it has /odom (nav_msgs/msg/Odometry, 160 messages)",
+        "odometry.mcap has no frames: none of its topics has messages of type sensor_msgs/msg/LaserScan, \
+         sensor_msgs/msg/Image, sensor_msgs/msg/PointCloud2, sensor_msgs/msg/CompressedImage (compressedDepth), sensor_msgs/msg/Range or \
+         std_msgs/msg/Float32MultiArray; it has /odom (nav_msgs/msg/Odometry, 160 messages)",
     );
 }
 
@@ -165,7 +166,8 @@ fn topics_to_choose_from_are_listed_with_the_flag_that_chooses() {
         &["train", "two.mcap", "--output", "new.kinds", "--frames-topic", "/odom"],
         1,
         "/odom (nav_msgs/msg/Odometry, 160 messages) in two.mcap cannot give frames, asked for with --frames-topic: \
-         that takes messages of type sensor_msgs/msg/LaserScan or sensor_msgs/msg/Image in CDR",
+         that takes messages of type sensor_msgs/msg/LaserScan, sensor_msgs/msg/Image, sensor_msgs/msg/PointCloud2, \
+         sensor_msgs/msg/CompressedImage (compressedDepth), sensor_msgs/msg/Range or std_msgs/msg/Float32MultiArray",
     );
 
     Trip { poses_topics: &["/odom", "/slam"], ..Trip::FIRST }.write(&robot.path("poses.mcap"));

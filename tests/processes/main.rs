@@ -32,6 +32,7 @@ mod simulated;
 mod soak;
 mod train;
 mod train_report;
+mod trips;
 mod watch;
 mod way;
 mod witness;

@@ -227,7 +227,7 @@ mod tests {
             poses: places.iter().map(|&(x_m, y_m)| Some(Pose { x_m, y_m, yaw_rad })).collect(),
             commands: vec![None; places.len()],
             n_frames_invalid: 0,
-            truncation: None,
+            remarks: Vec::new(),
         };
         LoadedTrip { survey, counts }
     }

@@ -24,8 +24,8 @@ pub struct Survey {
     pub commands: Vec<Option<Command>>,
     /// Frames left out because no reading was valid.
     pub n_frames_invalid: usize,
-    /// That the recording was cut off, in words.
-    pub truncation: Option<String>,
+    /// That the recording was cut off, or that readings are missing, in words.
+    pub remarks: Vec<String>,
 }
 
 impl Survey {
@@ -80,9 +80,9 @@ pub(crate) fn survey(
     if captured.is_empty() {
         return Err(LoadError::AllInvalid { path: path.to_path_buf(), n_frames: n_frames_invalid });
     }
-    let truncation = frames.reader.truncation();
-    let truncation = truncation.map(|truncation| format!("trip {} {truncation}", path.display()));
-    Ok(Survey { path: path.to_path_buf(), layout, captured, poses, commands, n_frames_invalid, truncation })
+    let said = |remark| format!("trip {} {remark}", path.display());
+    let remarks = frames.reader.remarks().into_iter().map(said).collect();
+    Ok(Survey { path: path.to_path_buf(), layout, captured, poses, commands, n_frames_invalid, remarks })
 }
 
 /// The frames of a trip that have a valid reading.

@@ -66,7 +66,7 @@ mod tests {
             poses: vec![None, place, place],
             commands: vec![None; 3],
             n_frames_invalid: 0,
-            truncation: None,
+            remarks: Vec::new(),
         };
         let expected = Track {
             title: "fourth-floor-1".to_string(),

@@ -111,7 +111,7 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
         origin.n_frames_invalid += trip.n_frames_invalid;
         tracks.push(Track::of(&trip));
         commands.extend(trip.commands.iter().map(|command| command.map(of_model)));
-        remarks.extend(trip.truncation);
+        remarks.extend(trip.remarks);
     }
     let sensor = sensor.expect("at least one trip is asked for on every way in");
     if origin.n_frames_invalid > 0 {

@@ -1,5 +1,6 @@
 //! Which topics a trip has, and which of them give frames, poses and commands.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
@@ -18,11 +19,35 @@ pub enum Role {
     Commands,
 }
 
+/// How messages are encoded on a topic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Encoding {
+    Cdr,
+    Ros1,
+}
+
 /// How frames are encoded on a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum FrameType {
     LaserScan,
     Image,
+    PointCloud2,
+    CompressedImage,
+    Range,
+    Float32MultiArray,
+}
+
+impl FrameType {
+    /// Of several topics those are taken that come first here: a scan is made to be one frame, a cloud is often made of an
+    /// image that is there too, single ranges are bumpers beside either, and numbers can be anything.
+    fn precedence(self) -> u8 {
+        match self {
+            Self::LaserScan | Self::Image => 0,
+            Self::PointCloud2 | Self::CompressedImage => 1,
+            Self::Range => 2,
+            Self::Float32MultiArray => 3,
+        }
+    }
 }
 
 /// How poses are encoded on a topic.
@@ -47,24 +72,94 @@ pub(crate) const TWIST: &str = "geometry_msgs/msg/Twist";
 pub(crate) const TWIST_STAMPED: &str = "geometry_msgs/msg/TwistStamped";
 pub(crate) const FLOAT64_MULTI_ARRAY: &str = "std_msgs/msg/Float64MultiArray";
 
+pub(crate) const POINT_CLOUD2: &str = "sensor_msgs/msg/PointCloud2";
+pub(crate) const COMPRESSED_IMAGE: &str = "sensor_msgs/msg/CompressedImage";
+pub(crate) const RANGE: &str = "sensor_msgs/msg/Range";
+pub(crate) const FLOAT32_MULTI_ARRAY: &str = "std_msgs/msg/Float32MultiArray";
+
+/// What `compressed_depth_image_transport` adds to the name of an image's topic.
+const COMPRESSED_DEPTH: &str = "/compressedDepth";
+
 impl Role {
     /// The types of message that give these, in a sentence.
     pub fn types(self) -> String {
         match self {
-            Role::Frames => format!("{LASER_SCAN} or {IMAGE}"),
+            Role::Frames => format!(
+                "{LASER_SCAN}, {IMAGE}, {POINT_CLOUD2}, {COMPRESSED_IMAGE} (compressedDepth), {RANGE} or {FLOAT32_MULTI_ARRAY}"
+            ),
             Role::Poses => format!("{ODOMETRY} or {POSE_STAMPED}"),
             Role::Commands => format!("{TWIST} or {TWIST_STAMPED}"),
         }
     }
 
     fn is_given_by(self, topic: &Topic) -> bool {
+        let key = topic.key();
         let fits = match self {
-            Role::Frames => topic.frame_type().is_some(),
-            Role::Poses => topic.pose_type().is_some(),
-            Role::Commands => topic.command_type().is_some(),
+            Role::Frames => key.frame_type().is_some(),
+            Role::Poses => key.pose_type().is_some(),
+            Role::Commands => key.command_type().is_some(),
         };
         // A recorder lists topics that it subscribed to even if nothing came.
-        fits && topic.message_encoding == "cdr" && topic.n_messages > 0
+        fits && key.encoding().is_some() && topic.n_messages > 0
+    }
+}
+
+/// What a topic is: channels with the same are one topic.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct TopicKey {
+    pub(crate) name: String,
+    pub(crate) type_name: String,
+    pub(crate) message_encoding: String,
+}
+
+impl TopicKey {
+    pub(crate) fn encoding(&self) -> Option<Encoding> {
+        encoding_named(&self.message_encoding)
+    }
+
+    pub(crate) fn frame_type(&self) -> Option<FrameType> {
+        match &*self.ros2_type_name() {
+            LASER_SCAN => Some(FrameType::LaserScan),
+            IMAGE => Some(FrameType::Image),
+            POINT_CLOUD2 => Some(FrameType::PointCloud2),
+            COMPRESSED_IMAGE => Some(FrameType::CompressedImage),
+            RANGE => Some(FrameType::Range),
+            FLOAT32_MULTI_ARRAY => Some(FrameType::Float32MultiArray),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn pose_type(&self) -> Option<PoseType> {
+        match &*self.ros2_type_name() {
+            ODOMETRY => Some(PoseType::Odometry),
+            POSE_STAMPED => Some(PoseType::PoseStamped),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn command_type(&self) -> Option<CommandType> {
+        match &*self.ros2_type_name() {
+            TWIST => Some(CommandType::Twist),
+            TWIST_STAMPED => Some(CommandType::TwistStamped),
+            _ => None,
+        }
+    }
+
+    /// Whether messages begin with a header.
+    pub(crate) fn has_header(&self) -> bool {
+        let is_bare = matches!(self.frame_type(), Some(FrameType::Float32MultiArray))
+            || matches!(self.command_type(), Some(CommandType::Twist));
+        let is_read =
+            self.frame_type().is_some() || self.pose_type().is_some() || self.command_type().is_some();
+        is_read && !is_bare
+    }
+
+    /// ROS 1 leaves out the folder: `sensor_msgs/LaserScan`.
+    fn ros2_type_name(&self) -> Cow<'_, str> {
+        match self.type_name.split_once('/') {
+            Some((package, name)) if !name.contains('/') => Cow::Owned(format!("{package}/msg/{name}")),
+            _ => Cow::Borrowed(&self.type_name),
+        }
     }
 }
 
@@ -78,32 +173,25 @@ pub struct Topic {
     /// How many messages it has.
     pub n_messages: u64,
     pub(crate) message_encoding: String,
-    pub(crate) channel_ids: Vec<u16>,
+    pub(crate) channel_ids: Vec<u32>,
+}
+
+fn encoding_named(name: &str) -> Option<Encoding> {
+    match name {
+        "cdr" => Some(Encoding::Cdr),
+        "ros1" => Some(Encoding::Ros1),
+        _ => None,
+    }
 }
 
 impl Topic {
-    pub(crate) fn frame_type(&self) -> Option<FrameType> {
-        match self.type_name.as_str() {
-            LASER_SCAN => Some(FrameType::LaserScan),
-            IMAGE => Some(FrameType::Image),
-            _ => None,
-        }
+    pub(crate) fn encoding(&self) -> Option<Encoding> {
+        encoding_named(&self.message_encoding)
     }
 
-    pub(crate) fn pose_type(&self) -> Option<PoseType> {
-        match self.type_name.as_str() {
-            ODOMETRY => Some(PoseType::Odometry),
-            POSE_STAMPED => Some(PoseType::PoseStamped),
-            _ => None,
-        }
-    }
-
-    pub(crate) fn command_type(&self) -> Option<CommandType> {
-        match self.type_name.as_str() {
-            TWIST => Some(CommandType::Twist),
-            TWIST_STAMPED => Some(CommandType::TwistStamped),
-            _ => None,
-        }
+    pub(crate) fn key(&self) -> TopicKey {
+        let Topic { name, type_name, message_encoding, .. } = self.clone();
+        TopicKey { name, type_name, message_encoding }
     }
 }
 
@@ -112,7 +200,7 @@ impl fmt::Display for Topic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let type_name = if self.type_name.is_empty() { "type unknown" } else { &self.type_name };
         write!(f, "{} ({type_name}", self.name)?;
-        if self.message_encoding != "cdr" {
+        if self.encoding().is_none() {
             write!(f, " encoded as '{}'", self.message_encoding)?;
         }
         match self.n_messages {
@@ -124,16 +212,16 @@ impl fmt::Display for Topic {
 }
 
 /// The channels of a recording as they come, in a summary or in the data.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Catalogue {
-    schema_names: BTreeMap<u16, String>,
-    channels: BTreeMap<u16, Channel>,
-    n_messages: BTreeMap<u16, u64>,
+    schema_names: BTreeMap<u32, String>,
+    channels: BTreeMap<u32, Channel>,
+    n_messages: BTreeMap<u32, u64>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Channel {
-    schema_id: u16,
+    schema_id: u32,
     topic: String,
     message_encoding: String,
 }
@@ -143,10 +231,10 @@ impl Catalogue {
     pub(crate) fn add(&mut self, record: &Record<'_>) {
         let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
         match *record {
-            Record::Schema { id, name } => {
+            Record::Schema { id, name, .. } => {
                 self.schema_names.insert(id, text(name));
             }
-            Record::Channel { id, schema_id, topic, message_encoding } => {
+            Record::Channel { id, schema_id, topic, message_encoding, .. } => {
                 let (topic, message_encoding) = (text(topic), text(message_encoding));
                 self.channels.insert(id, Channel { schema_id, topic, message_encoding });
             }
@@ -155,7 +243,12 @@ impl Catalogue {
         }
     }
 
-    pub(crate) fn set_n_messages(&mut self, n_messages: BTreeMap<u16, u64>) {
+    pub(crate) fn add_n_messages(&mut self, channel_id: u32, n_messages: u64) {
+        let counted = self.n_messages.entry(channel_id).or_default();
+        *counted = counted.saturating_add(n_messages);
+    }
+
+    pub(crate) fn set_n_messages(&mut self, n_messages: BTreeMap<u32, u64>) {
         self.n_messages = n_messages;
     }
 
@@ -163,27 +256,108 @@ impl Catalogue {
         self.channels.len()
     }
 
+    /// What a channel's topic is.
+    pub(crate) fn key(&self, channel_id: u32) -> Option<TopicKey> {
+        let Channel { schema_id, topic, message_encoding } = self.channels.get(&channel_id)?;
+        let type_name = self.schema_names.get(schema_id).cloned().unwrap_or_default();
+        Some(TopicKey { name: topic.clone(), type_name, message_encoding: message_encoding.clone() })
+    }
+
     /// The topics, by name. Channels of one topic, type and encoding (several publishers) are one.
     pub(crate) fn topics(&self) -> Vec<Topic> {
-        let mut topics: BTreeMap<(&str, &str, &str), (u64, Vec<u16>)> = BTreeMap::new();
-        for (id, channel) in &self.channels {
-            let type_name = self.schema_names.get(&channel.schema_id).map_or("", String::as_str);
-            let (n_messages, channel_ids) =
-                topics.entry((&channel.topic, type_name, &channel.message_encoding)).or_default();
-            *n_messages = n_messages.saturating_add(self.n_messages.get(id).copied().unwrap_or(0));
-            channel_ids.push(*id);
+        let mut topics: BTreeMap<TopicKey, (u64, Vec<u32>)> = BTreeMap::new();
+        for (id, key) in self.channels.keys().filter_map(|id| Some((*id, self.key(*id)?))) {
+            let (n_messages, channel_ids) = topics.entry(key).or_default();
+            *n_messages = n_messages.saturating_add(self.n_messages.get(&id).copied().unwrap_or(0));
+            channel_ids.push(id);
         }
-        let topic =
-            |((name, type_name, message_encoding), (n_messages, channel_ids)): ((&str, &str, &str), _)| {
-                Topic {
-                    name: name.to_owned(),
-                    type_name: type_name.to_owned(),
-                    n_messages,
-                    message_encoding: message_encoding.to_owned(),
-                    channel_ids,
-                }
-            };
+        let topic = |(key, (n_messages, channel_ids)): (TopicKey, _)| {
+            let TopicKey { name, type_name, message_encoding } = key;
+            Topic { name, type_name, n_messages, message_encoding, channel_ids }
+        };
         topics.into_iter().map(topic).collect()
+    }
+}
+
+/// The topics that frames are read from: one, or several with single ranges.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct FrameTopics {
+    pub(crate) topics: Vec<Topic>,
+    pub(crate) frame_type: FrameType,
+}
+
+impl FrameTopics {
+    /// What they are called where one name is asked for.
+    pub(crate) fn name(&self) -> String {
+        let names: Vec<&str> = self.topics.iter().map(|topic| topic.name.as_str()).collect();
+        names.join(",")
+    }
+
+    /// Topics with single ranges, in the order of their names: `/sonar_2` before `/sonar_10`.
+    pub(crate) fn ranges(mut topics: Vec<Topic>) -> Self {
+        topics.sort_by_cached_key(|topic| natural(&topic.name));
+        Self { topics, frame_type: FrameType::Range }
+    }
+}
+
+/// A name that is ordered by the numbers in it: text, and the number after it.
+fn natural(name: &str) -> Vec<(String, u64)> {
+    let mut parts = Vec::new();
+    let mut rest = name;
+    while !rest.is_empty() {
+        let digits_at = rest.find(|letter: char| letter.is_ascii_digit()).unwrap_or(rest.len());
+        let (text, after) = rest.split_at(digits_at);
+        let digits_end = after.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(after.len());
+        let (digits, others) = after.split_at(digits_end);
+        parts.push((text.to_owned(), digits.parse().unwrap_or(0)));
+        rest = others;
+    }
+    parts
+}
+
+/// The topics for frames: those named, with commas between them; or the only one that fits, or all with single ranges if
+/// there is nothing better.
+///
+/// `None` if none was named and none fits.
+pub(crate) fn choose_frames(
+    path: &Path,
+    topics: &[Topic],
+    named: Option<&str>,
+) -> Result<Option<FrameTopics>, TripError> {
+    let role = Role::Frames;
+    if let Some(name) = named {
+        let names: Vec<&str> = name.split(',').map(str::trim).collect();
+        let mut chosen: Vec<Topic> = Vec::new();
+        for name in &names {
+            chosen.extend(choose(path, topics, role, Some(name))?);
+        }
+        let is_range = |topic: &Topic| topic.key().frame_type() == Some(FrameType::Range);
+        if let (true, Some(other)) = (names.len() > 1, chosen.iter().find(|topic| !is_range(topic))) {
+            return Err(TripError::NotSingleRanges { path: path.to_owned(), topic: Box::new(other.clone()) });
+        }
+        let frame_type = chosen.first().and_then(|topic| topic.key().frame_type());
+        return Ok(frame_type.map(|frame_type| FrameTopics { topics: chosen, frame_type }));
+    }
+    let precedence = |topic: &&Topic| topic.key().frame_type().map(FrameType::precedence);
+    let is_meant = |topic: &&Topic| {
+        let is_image = topic.key().frame_type() == Some(FrameType::CompressedImage);
+        role.is_given_by(topic) && (!is_image || topic.name.ends_with(COMPRESSED_DEPTH))
+    };
+    let candidates: Vec<&Topic> = topics.iter().filter(is_meant).collect();
+    let first = candidates.iter().filter_map(precedence).min();
+    let candidates: Vec<&Topic> = candidates.into_iter().filter(|topic| precedence(topic) == first).collect();
+    let frame_type = candidates.first().and_then(|topic| topic.key().frame_type());
+    match (candidates.as_slice(), frame_type) {
+        (_, None) => Ok(None),
+        (ranges, Some(FrameType::Range)) => {
+            Ok(Some(FrameTopics::ranges(ranges.iter().copied().cloned().collect())))
+        }
+        ([topic], Some(frame_type)) => Ok(Some(FrameTopics { topics: vec![(*topic).clone()], frame_type })),
+        (several, _) => Err(TripError::SeveralTopics {
+            path: path.to_owned(),
+            role,
+            candidates: several.iter().copied().cloned().collect(),
+        }),
     }
 }
 
@@ -202,7 +376,7 @@ pub(crate) fn choose(
         topics.iter().filter(|topic| named.is_none_or(|name| topic.name == name)).collect();
     let mut candidates: Vec<&Topic> =
         named_topics.iter().copied().filter(|topic| role.is_given_by(topic)).collect();
-    let is_odometry = |topic: &&Topic| topic.pose_type() == Some(PoseType::Odometry);
+    let is_odometry = |topic: &&Topic| topic.key().pose_type() == Some(PoseType::Odometry);
     if role == Role::Poses && candidates.iter().any(is_odometry) {
         candidates.retain(is_odometry);
     }

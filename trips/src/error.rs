@@ -39,9 +39,17 @@ pub enum TripError {
         path: PathBuf,
     },
     /// The file is of another format.
-    #[error("{} is not an MCAP file but {looks_like}; `ros2 bag convert` or `rosbags-convert` makes one of a ROS bag", path.display())]
+    #[error("{} is neither an MCAP file nor a ROS 1 bag but {looks_like}; `ros2 bag convert` or `rosbags-convert` makes one of other bags", path.display())]
     NotMcap {
         /// The trip's file.
+        path: PathBuf,
+        /// What its first bytes say that it is.
+        looks_like: &'static str,
+    },
+    /// Nothing is saved from files of another format.
+    #[error("{} is {looks_like}; only MCAP files can be saved from", path.display())]
+    UnsavedFormat {
+        /// The recording.
         path: PathBuf,
         /// What its first bytes say that it is.
         looks_like: &'static str,
@@ -95,13 +103,21 @@ pub enum TripError {
         topics: Vec<Topic>,
     },
     /// The topic asked for carries something else, or nothing.
-    #[error("{topic} in {} cannot give {role}, asked for with --{role}-topic: that takes messages of type {} in CDR", path.display(), role.types())]
+    #[error("{topic} in {} cannot give {role}, asked for with --{role}-topic: that takes messages of type {}", path.display(), role.types())]
     UnfitTopic {
         /// The trip's file.
         path: PathBuf,
         /// What the topic is wanted for.
         role: Role,
         /// The topic asked for.
+        topic: Box<Topic>,
+    },
+    /// Of several topics one gives whole frames.
+    #[error("{topic} in {} cannot be part of a frame, asked for with --frames-topic: of several topics each gives one range (sensor_msgs/msg/Range)", path.display())]
+    NotSingleRanges {
+        /// The trip's file.
+        path: PathBuf,
+        /// The topic.
         topic: Box<Topic>,
     },
     /// A message could not be read.
@@ -153,7 +169,7 @@ pub enum TripError {
         limit: u64,
     },
     /// A chunk is compressed in a way that is not supported.
-    #[error("{} has a chunk compressed with '{name}' at byte {at_byte}; zstd, lz4 and none are read", path.display())]
+    #[error("{} has a chunk compressed with '{name}' at byte {at_byte}; {supported} are read", path.display())]
     UnsupportedCompression {
         /// The trip's file.
         path: PathBuf,
@@ -161,6 +177,8 @@ pub enum TripError {
         at_byte: u64,
         /// The compression's name in the file.
         name: String,
+        /// What can be read.
+        supported: &'static str,
     },
 }
 
@@ -195,6 +213,80 @@ pub enum MessageFault {
         rows: u32,
         /// Readings in a row.
         columns: u32,
+    },
+    /// It is a range of another sensor than those before on its topic.
+    #[error(
+        "it is a range of '{to}' by its frame_id, and those before are of '{from}'; sensors that share a topic are not told apart"
+    )]
+    OtherSensor {
+        /// The sensor of the messages before.
+        from: String,
+        /// The sensor of this one.
+        to: String,
+    },
+    /// Its numbers have too many dimensions.
+    #[error("its numbers have {n_dimensions} dimensions; a frame has rows and columns")]
+    Dimensions {
+        /// Dimensions of its layout.
+        n_dimensions: usize,
+    },
+    /// It has fewer numbers than it claims.
+    #[error(
+        "it has {n_numbers} numbers, but {rows} rows of {columns} need {needed} with what lies before and between them"
+    )]
+    ArrayTooShort {
+        /// Numbers in the message.
+        n_numbers: usize,
+        /// Rows of readings.
+        rows: u32,
+        /// Readings in a row.
+        columns: u32,
+        /// Numbers that all rows need.
+        needed: u64,
+    },
+    /// A cloud's points lie in no rows.
+    #[error(
+        "its {n_points} points are in one row, not organised in rows and columns; a frame has every reading in its place"
+    )]
+    NotOrganised {
+        /// Points in the message.
+        n_points: u32,
+    },
+    /// A cloud has no coordinates that are read.
+    #[error("its points have no x, y and z of FLOAT32 or FLOAT64; they have {}", if fields.is_empty() { "no fields" } else { fields })]
+    NoCoordinates {
+        /// The fields that they have.
+        fields: String,
+    },
+    /// A cloud's points overlap.
+    #[error("its points are {point_step} bytes apart, but x, y and z need {needed}")]
+    PointTooShort {
+        /// Bytes from one point to the next.
+        point_step: u32,
+        /// Bytes up to the end of the last coordinate.
+        needed: u64,
+    },
+    /// Its format is none of compressed distances.
+    #[error("its format is '{format}'; distances are read from 16UC1 and 32FC1 as compressedDepth in PNG")]
+    CompressedFormat {
+        /// The format.
+        format: String,
+    },
+    /// Its PNG cannot be read.
+    #[error("its PNG cannot be read: {what}")]
+    Png {
+        /// What is wrong with it.
+        what: String,
+    },
+    /// It has more readings than a frame may have.
+    #[error("it has {rows} × {columns} readings; a frame has at most {limit}")]
+    TooManyReadings {
+        /// Rows of readings.
+        rows: u32,
+        /// Readings in a row.
+        columns: u32,
+        /// The limit.
+        limit: u64,
     },
     /// An image's rows overlap.
     #[error("its rows are {step} bytes apart, but {columns} pixels of {bytes_per_pixel} bytes need {needed}")]
@@ -252,11 +344,7 @@ fn no_frames(topics: &[Topic]) -> String {
     if topics.is_empty() {
         return "it has no topics at all".to_owned();
     }
-    format!(
-        "none of its topics has messages of type {} in CDR; it has {}",
-        Role::Frames.types(),
-        list(topics)
-    )
+    format!("none of its topics has messages of type {}; it has {}", Role::Frames.types(), list(topics))
 }
 
 /// Topics in a sentence: `/a (…), /b (…)`.

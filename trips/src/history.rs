@@ -8,6 +8,7 @@ use crate::Stamp;
 pub(crate) const MAX_VALUES: usize = 4096;
 
 /// The last [`MAX_VALUES`] values, in order of their stamps.
+#[derive(Clone)]
 pub(crate) struct History<T> {
     values: VecDeque<(Stamp, T)>,
 }

@@ -1,12 +1,14 @@
-//! Recorded trips: ROS 2 bags in MCAP, read and written.
+//! Recorded trips: ROS 2 bags in MCAP, read and written, and ROS 1 bags, read.
 //!
-//! A *trip* is one `.mcap` file: frames of one range sensor (`sensor_msgs/msg/LaserScan`, or `sensor_msgs/msg/Image`
-//! as `16UC1` or `32FC1`) and, where the robot knew them, poses (`nav_msgs/msg/Odometry`, or
-//! `geometry_msgs/msg/PoseStamped` where there is no odometry or it is asked for by name) and what it was told to do
-//! (`geometry_msgs/msg/Twist` or `geometry_msgs/msg/TwistStamped`), encoded as CDR.
+//! A *trip* is one file: frames of one range sensor and, where the robot knew them, poses (`nav_msgs/Odometry`, or
+//! `geometry_msgs/PoseStamped` where there is no odometry or it is asked for by name) and what it was told to do
+//! (`geometry_msgs/Twist` or `geometry_msgs/TwistStamped`), encoded as CDR or as ROS 1 does. Frames are messages of
+//! `sensor_msgs`: `LaserScan`, `Image` (`16UC1`, `32FC1`), `CompressedImage` (`compressedDepth` in PNG), `PointCloud2`
+//! (organised), `Range` (several topics make one frame); or `std_msgs/Float32MultiArray`.
 //!
 //! * [`TripReader`] turns it into *frames*: `u16` counts of a stated unit, each with its time of capture, and the pose
 //!   and the command at that time. Reading streams: memory does not grow with the length of the trip.
+//! * [`TripInfo`] says what is in a file; [`salvage()`] saves what is whole of a damaged one.
 //! * [`TripWriter`] writes the same, and kinds beside them, for `ros2 bag`, Foxglove, PlotJuggler and the `rosbags`
 //!   package to read.
 //!
@@ -16,8 +18,17 @@
 //! |---|---|
 //! | NaN, −Inf, a negative value; outside `range_min … range_max`; finite, but more than 65535 counts | 0: invalid |
 //! | +Inf: no return | the largest range: of a scan its `range_max` (at most 65535 counts), of an image 65535 |
+//! | a cloud's point | its distance: z in an optical frame (`frame_id` ends with `optical_frame`), else from the origin |
 //! | any other number of metres | that divided by the unit, rounded to the nearest count |
 //! | 16UC1 | its millimetres in the unit; at 1 mm the pixel itself |
+//!
+//! A range is like one of a scan. Clouds, numbers and compressed images have no limit of their own, as images.
+//!
+//! # Ranges become a frame
+//!
+//! Of several topics with one range each the first sets the pace: each of its messages makes a frame, with of every other
+//! topic the range nearest in time, at most [`MAX_RANGE_REACH_S`] away. Where there is none the reading is invalid, and
+//! [`TripReader::missing_readings`] counts it.
 //!
 //! # Poses come to frames
 //!
@@ -34,34 +45,50 @@
 //! # Recordings that were cut off
 //!
 //! A recording that a power cut ended is read up to its last whole chunk (its last whole message where it has no
-//! chunks), and [`TripReader::truncation`] says so. Damage anywhere else is a [`TripError`].
+//! chunks), and [`TripReader::truncation`] says so. Damage anywhere else is a [`TripError`]. In ROS 1 bags, which have no
+//! checksums, only damage to their structure is seen.
 #![forbid(unsafe_code)]
 
+mod bag_file;
 mod catalogue;
 mod chunk;
 mod command;
+mod compressed_depth;
 mod counts;
 mod error;
 mod frame;
+mod frame_message;
 mod history;
+mod info;
 mod lookahead;
+mod mcap_file;
 mod message;
+mod point_cloud;
 mod pose;
 mod pose_track;
 mod reader;
 mod record;
 mod recording;
+mod rhythm;
+mod ros1;
+mod ros1_bag;
+mod salvage;
 mod stamp;
 mod summary;
 mod writer;
 
+pub use bag_file::{Compression, WriterOptions};
 pub use catalogue::{Role, Topic};
 pub use command::Command;
 pub use error::{MessageFault, TripError, TripWriteError};
 pub use frame::{FrameInfo, FrameLayout};
+pub use info::{Choice, Gives, TopicInfo, TripInfo};
+pub use lookahead::MAX_RANGE_REACH_S;
 pub use pose::Pose;
 pub use pose_track::{MAX_POSE_GAP_S, MAX_POSE_REACH_S};
 pub use reader::{Selection, TripReader};
-pub use recording::Truncation;
+pub use recording::{Format, Truncation};
+pub use rhythm::Gap;
+pub use salvage::{Loss, Salvage, SalvageError, salvage};
 pub use stamp::Stamp;
-pub use writer::{Compression, Image, ImageEncoding, Scan, TripWriter, WriterOptions};
+pub use writer::{Image, ImageEncoding, Scan, TripWriter};

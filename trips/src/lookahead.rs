@@ -11,10 +11,11 @@
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
-use crate::catalogue::{CommandType, FrameType, PoseType, Topic};
-use crate::counts::Unit;
+use crate::catalogue::{CommandType, Encoding, FrameTopics, FrameType, PoseType, Topic};
+use crate::counts::{INVALID, Unit};
+use crate::frame_message::{FrameHead, Range, quoted, read_frame, read_range};
 use crate::history::History;
-use crate::message::{read_command, read_image, read_laser_scan, read_pose};
+use crate::message::{read_command, read_pose};
 use crate::pose_track::pose_at;
 use crate::record::Record;
 use crate::{Command, FrameInfo, FrameLayout, MessageFault, Pose, Stamp, TripError};
@@ -28,9 +29,14 @@ const MAX_WAITING_READINGS: usize = 16 << 20;
 /// Frames that may wait however large they are: fewer would hardly ever see the pose after them.
 const MIN_WAITING_FRAMES: usize = 4;
 
+/// How far in time, in seconds, a single range may be from the frame that it becomes a part of.
+///
+/// Rings of sonars take a quarter of a second and more to fire all around.
+pub const MAX_RANGE_REACH_S: f64 = 0.25;
+
 /// The topics that are read.
 pub(crate) struct Topics {
-    pub(crate) frames: (Topic, FrameType),
+    pub(crate) frames: FrameTopics,
     pub(crate) poses: Option<(Topic, PoseType)>,
     pub(crate) commands: Option<(Topic, CommandType)>,
 }
@@ -45,22 +51,38 @@ pub(crate) struct Lookahead {
     waiting: VecDeque<Waiting>,
     /// Buffers of frames that were taken, for the next.
     spare: Vec<Vec<u16>>,
-    poses: History<Pose>,
-    commands: History<Command>,
+    around: Around,
+    /// Of each topic with a single range, whose it is.
+    range_ids: Vec<Option<Vec<u8>>>,
+    /// Messages of each such topic but the first, and frames for which there was none near enough.
+    n_ranges: Vec<u64>,
+    n_missing: Vec<u64>,
     n_frames: u64,
     n_poses: u64,
     n_commands: u64,
 }
 
+/// What a trip said at moments around those of the frames that wait.
+#[derive(Default)]
+struct Around {
+    poses: History<Pose>,
+    commands: History<Command>,
+    /// Of each topic with a single range but the first.
+    ranges: Vec<History<u16>>,
+}
+
 struct Waiting {
     info: FrameInfo,
     counts: Vec<u16>,
+    awaits_ranges: bool,
     awaits_pose: bool,
     awaits_command: bool,
 }
 
 impl Lookahead {
     pub(crate) fn new(path: PathBuf, unit: Unit, topics: Topics) -> Self {
+        let n_partners = topics.frames.topics.len() - 1;
+        let around = Around { ranges: vec![History::default(); n_partners], ..Around::default() };
         Self {
             path,
             unit,
@@ -68,8 +90,10 @@ impl Lookahead {
             layout: None,
             waiting: VecDeque::new(),
             spare: Vec::new(),
-            poses: History::default(),
-            commands: History::default(),
+            around,
+            range_ids: vec![None; 1 + n_partners],
+            n_ranges: vec![0; n_partners],
+            n_missing: vec![0; n_partners],
             n_frames: 0,
             n_poses: 0,
             n_commands: 0,
@@ -92,40 +116,43 @@ impl Lookahead {
 
     /// Whether the first frame has waited long enough. `no_more`: nothing more will come.
     pub(crate) fn is_ready(&self, no_more: bool) -> bool {
-        self.waiting.front().is_some_and(|first| {
-            no_more || !(first.awaits_pose || first.awaits_command) || self.waiting.len() >= self.bound()
-        })
+        self.waiting
+            .front()
+            .is_some_and(|first| no_more || !first.awaits_anything() || self.waiting.len() >= self.bound())
     }
 
     /// Takes in the next record of the trip. Not to be called while the first frame is ready.
     pub(crate) fn accept(&mut self, record: &Record<'_>) -> Result<(), TripError> {
-        let Record::Message { channel_id, log_time, data } = *record else { return Ok(()) };
+        let Record::Message { channel_id, log_time, data, .. } = *record else { return Ok(()) };
         let logged = Stamp(i64::try_from(log_time).unwrap_or(i64::MAX));
         let is_of = |topic: &Topic| topic.channel_ids.contains(&channel_id);
-        if is_of(&self.topics.frames.0) {
-            self.accept_frame(data, logged)?;
+        if let Some(index) = self.topics.frames.topics.iter().position(is_of) {
+            match index.checked_sub(1) {
+                None => self.accept_frame(data, logged)?,
+                Some(partner) => self.accept_range(partner, data, logged)?,
+            }
         } else if let Some((topic, pose_type)) = self.topics.poses.as_ref().filter(|(topic, _)| is_of(topic))
         {
             self.n_poses += 1;
-            let (at, pose) = read_pose(*pose_type, data)
+            let (at, pose) = read_pose(*pose_type, encoding(topic), data)
                 .map_err(|fault| self.message_error(topic, self.n_poses, fault))?;
             // Odometry that is lost says so with NaN: then there is no pose, and frames fare as in any other gap.
             if let Some(pose) = pose {
-                self.poses.insert(at.unwrap_or(logged), pose);
+                self.around.poses.insert(at.unwrap_or(logged), pose);
             }
         } else if let Some((topic, command_type)) =
             self.topics.commands.as_ref().filter(|(topic, _)| is_of(topic))
         {
             self.n_commands += 1;
-            let (at, command) = read_command(*command_type, data)
+            let (at, command) = read_command(*command_type, encoding(topic), data)
                 .map_err(|fault| self.message_error(topic, self.n_commands, fault))?;
             if let Some(command) = command {
-                self.commands.insert(at.unwrap_or(logged), command);
+                self.around.commands.insert(at.unwrap_or(logged), command);
             }
         } else {
             return Ok(());
         }
-        self.waiting.iter_mut().for_each(|frame| frame.settle(&self.poses, &self.commands, false));
+        self.waiting.iter_mut().for_each(|frame| frame.settle(&self.around, &mut self.n_missing, false));
         Ok(())
     }
 
@@ -136,23 +163,42 @@ impl Lookahead {
     /// If no frame waits, or `counts` is not as long as a frame.
     pub(crate) fn take(&mut self, counts: &mut [u16]) -> FrameInfo {
         let mut first = self.waiting.pop_front().expect("a frame is taken only when one is ready");
-        first.settle(&self.poses, &self.commands, true);
+        first.settle(&self.around, &mut self.n_missing, true);
         counts.copy_from_slice(&first.counts);
         self.spare.push(first.counts);
         first.info
     }
 
+    /// How many readings were missing, of each topic of which one was.
+    pub(crate) fn missing_readings(&self) -> Vec<(&str, u64)> {
+        let partners = self.topics.frames.topics[1..].iter().zip(&self.n_missing);
+        let missing = partners.filter(|(_, n_missing)| **n_missing > 0);
+        missing.map(|(topic, n_missing)| (topic.name.as_str(), *n_missing)).collect()
+    }
+
     fn accept_frame(&mut self, data: &[u8], logged: Stamp) -> Result<(), TripError> {
         let number = self.n_frames + 1;
         let mut counts = self.spare.pop().unwrap_or_default();
-        let (topic, frame_type) = &self.topics.frames;
+        let FrameTopics { topics, frame_type } = &self.topics.frames;
+        let topic = &topics[0];
         let head = match frame_type {
-            FrameType::LaserScan => read_laser_scan(data, self.unit, &mut counts),
-            FrameType::Image => read_image(data, self.unit, &mut counts),
-        }
-        .map_err(|fault| self.message_error(topic, number, fault))?;
-        let metres_per_count = self.unit.metres_per_count();
-        let layout = FrameLayout { rows: head.rows, columns: head.columns, metres_per_count };
+            FrameType::Range => {
+                let range = read_range(encoding(topic), data, self.unit)
+                    .and_then(|range| of_one_sensor(range, &mut self.range_ids[0]));
+                counts.clear();
+                range.map(|Range { captured, count, .. }| {
+                    counts.push(count);
+                    FrameHead { captured, rows: 1, columns: 1 }
+                })
+            }
+            _ => read_frame(*frame_type, encoding(topic), data, self.unit, &mut counts),
+        };
+        let head = head.map_err(|fault| self.message_error(topic, number, fault))?;
+        let n_partners = self.around.ranges.len();
+        let FrameHead { captured, rows, columns } = head;
+        counts.resize(counts.len() + n_partners, INVALID);
+        let columns = columns + n_partners as u32;
+        let layout = FrameLayout { rows, columns, metres_per_count: self.unit.metres_per_count() };
         let from = *self.layout.get_or_insert(layout);
         if layout != from {
             return Err(TripError::FrameSizeChanged {
@@ -164,12 +210,27 @@ impl Lookahead {
             });
         }
         self.waiting.push_back(Waiting {
-            info: FrameInfo { captured: head.captured.unwrap_or(logged), pose: None, command: None },
+            info: FrameInfo { captured: captured.unwrap_or(logged), pose: None, command: None },
             counts,
+            awaits_ranges: n_partners > 0,
             awaits_pose: self.topics.poses.is_some(),
             awaits_command: self.topics.commands.is_some(),
         });
         self.n_frames = number;
+        Ok(())
+    }
+
+    /// Takes in one reading of frames that have each from a topic of its own.
+    ///
+    /// * `partner` — which of these, the first apart
+    fn accept_range(&mut self, partner: usize, data: &[u8], logged: Stamp) -> Result<(), TripError> {
+        let topic = &self.topics.frames.topics[1 + partner];
+        self.n_ranges[partner] += 1;
+        let range = read_range(encoding(topic), data, self.unit)
+            .and_then(|range| of_one_sensor(range, &mut self.range_ids[1 + partner]));
+        let Range { captured, count, .. } =
+            range.map_err(|fault| self.message_error(topic, self.n_ranges[partner], fault))?;
+        self.around.ranges[partner].insert(captured.unwrap_or(logged), count);
         Ok(())
     }
 
@@ -191,19 +252,59 @@ impl Lookahead {
 }
 
 impl Waiting {
-    /// Takes the pose and the command of its time where it has waited long enough for them; `at_last`: as they are.
-    fn settle(&mut self, poses: &History<Pose>, commands: &History<Command>, at_last: bool) {
+    fn awaits_anything(&self) -> bool {
+        self.awaits_ranges || self.awaits_pose || self.awaits_command
+    }
+
+    /// Takes what was said around its time where it has waited long enough for that; `at_last`: as it is.
+    fn settle(&mut self, around: &Around, n_missing: &mut [u64], at_last: bool) {
         let at = self.info.captured;
-        if self.awaits_pose && (at_last || poses.reaches(at)) {
-            self.awaits_pose = false;
-            self.info.pose = pose_at(poses, at);
+        if self.awaits_ranges && (at_last || around.ranges.iter().all(|ranges| ranges.reaches(at))) {
+            self.awaits_ranges = false;
+            let first_partner = self.counts.len() - around.ranges.len();
+            let readings = self.counts[first_partner..].iter_mut().zip(&around.ranges).zip(n_missing);
+            for ((reading, ranges), n_missing) in readings {
+                match range_at(ranges, at) {
+                    Some(count) => *reading = count,
+                    None => *n_missing += 1,
+                }
+            }
         }
-        if self.awaits_command && (at_last || commands.reaches(at)) {
+        if self.awaits_pose && (at_last || around.poses.reaches(at)) {
+            self.awaits_pose = false;
+            self.info.pose = pose_at(&around.poses, at);
+        }
+        if self.awaits_command && (at_last || around.commands.reaches(at)) {
             self.awaits_command = false;
-            let [held, _next] = commands.around(at);
+            let [held, _next] = around.commands.around(at);
             self.info.command = held.map(|(_, command)| command);
         }
     }
+}
+
+/// A range, if it is of the sensor that those before on its topic are of.
+fn of_one_sensor<'a>(range: Range<'a>, frame_id: &mut Option<Vec<u8>>) -> Result<Range<'a>, MessageFault> {
+    let before = frame_id.get_or_insert_with(|| range.frame_id.to_owned());
+    match before == range.frame_id {
+        true => Ok(range),
+        false => Err(MessageFault::OtherSensor { from: quoted(before), to: quoted(range.frame_id) }),
+    }
+}
+
+/// The range nearest in time, of two as near the earlier.
+fn range_at(ranges: &History<u16>, at: Stamp) -> Option<u16> {
+    let distance_s = |stamp: Stamp| at.seconds_since(stamp).abs();
+    let nearest = ranges
+        .around(at)
+        .into_iter()
+        .flatten()
+        .min_by(|(a, _), (b, _)| distance_s(*a).total_cmp(&distance_s(*b)));
+    nearest.filter(|(stamp, _)| distance_s(*stamp) <= MAX_RANGE_REACH_S).map(|(_, count)| count)
+}
+
+/// How a chosen topic's messages are encoded: none is chosen of which that is not known.
+fn encoding(topic: &Topic) -> Encoding {
+    topic.encoding().unwrap_or(Encoding::Cdr)
 }
 
 #[cfg(test)]
@@ -213,7 +314,7 @@ mod tests {
     use crate::history::MAX_VALUES;
     use crate::message::{Header, ImageMessage, OdometryMessage, TwistStampedMessage, encode};
 
-    fn topic(channel_id: u16, type_name: &str) -> Topic {
+    fn topic(channel_id: u32, type_name: &str) -> Topic {
         Topic {
             name: format!("/{channel_id}"),
             type_name: type_name.to_owned(),
@@ -257,15 +358,16 @@ mod tests {
     /// Of images on channel 1, odometry on channel 2 and commands on channel 3.
     fn lookahead() -> Lookahead {
         let topics = Topics {
-            frames: (topic(1, IMAGE), FrameType::Image),
+            frames: FrameTopics { topics: vec![topic(1, IMAGE)], frame_type: FrameType::Image },
             poses: Some((topic(2, ODOMETRY), PoseType::Odometry)),
             commands: Some((topic(3, TWIST_STAMPED), CommandType::TwistStamped)),
         };
         Lookahead::new(PathBuf::new(), Unit::new(0.001).unwrap(), topics)
     }
 
-    fn accept(lookahead: &mut Lookahead, channel_id: u16, data: &[u8]) {
-        lookahead.accept(&Record::Message { channel_id, log_time: 0, data }).unwrap();
+    fn accept(lookahead: &mut Lookahead, channel_id: u32, data: &[u8]) {
+        let message = Record::Message { channel_id, sequence: 0, log_time: 0, publish_time: 0, data };
+        lookahead.accept(&message).unwrap();
     }
 
     /// Runs a trip whose odometry or commands stop after their first message; the largest number of frames that waited.

@@ -2,16 +2,17 @@
 
 use std::path::Path;
 
-use crate::catalogue::{Catalogue, Role, Topic, choose};
+use crate::catalogue::{Catalogue, Role, Topic, choose, choose_frames};
 use crate::counts::Unit;
-use crate::lookahead::{Lookahead, Topics};
-use crate::recording::{End, Recording, io_error};
-use crate::{FrameInfo, FrameLayout, TripError, Truncation, summary};
+use crate::lookahead::{Lookahead, MAX_RANGE_REACH_S, Topics};
+use crate::recording::{End, Recording};
+use crate::{FrameInfo, FrameLayout, TripError, Truncation};
 
 /// What is read of a trip.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selection {
-    /// The topic with frames; `None`: the only one that fits.
+    /// The topic with frames, or several with single ranges, in the order of a frame's readings and with commas between
+    /// them; `None`: the only one that fits, or all with single ranges if there is nothing better.
     pub frames_topic: Option<String>,
     /// The topic with poses; `None`: the only one that fits, if any.
     pub poses_topic: Option<String>,
@@ -31,7 +32,8 @@ impl Default for Selection {
 /// A trip being read: frames in the order of the recording, each with its pose and its command.
 ///
 /// Holds one chunk of the recording, at most 256 frames that wait for the pose and the command after them (and at most
-/// 32 MiB of these, but at least 4), the last 4096 poses and as many commands, however long the trip.
+/// 32 MiB of these, but at least 4), the last 4096 poses, and as many commands
+/// and single ranges of each topic, however long the trip.
 pub struct TripReader {
     recording: Recording,
     lookahead: Lookahead,
@@ -56,14 +58,14 @@ impl TripReader {
         let unit = Unit::new(metres_per_count).ok_or(TripError::Unit { metres_per_count })?;
         let mut recording = Recording::open(path)?;
         let topics = topics(&mut recording, selection)?;
-        let frames = choose(path, &topics, Role::Frames, selection.frames_topic.as_deref())?;
+        let frames = choose_frames(path, &topics, selection.frames_topic.as_deref())?;
         let poses = choose(path, &topics, Role::Poses, selection.poses_topic.as_deref())?;
         let commands = choose(path, &topics, Role::Commands, selection.commands_topic.as_deref())?;
-        let Some(frames) = frames.and_then(|topic| topic.frame_type().map(|of| (topic, of))) else {
+        let Some(frames) = frames else {
             return Err(TripError::NoFrames { path: path.to_owned(), topics });
         };
-        let poses = poses.and_then(|topic| topic.pose_type().map(|of| (topic, of)));
-        let commands = commands.and_then(|topic| topic.command_type().map(|of| (topic, of)));
+        let poses = poses.and_then(|topic| topic.key().pose_type().map(|of| (topic, of)));
+        let commands = commands.and_then(|topic| topic.key().command_type().map(|of| (topic, of)));
         let mut lookahead = Lookahead::new(path.to_owned(), unit, Topics { frames, poses, commands });
         let layout = loop {
             if let Some(layout) = lookahead.layout() {
@@ -82,9 +84,15 @@ impl TripReader {
         self.layout
     }
 
-    /// The topic that frames come from.
-    pub fn frames_topic(&self) -> &str {
-        &self.lookahead.topics().frames.0.name
+    /// The topic that frames come from; with commas between them if these are several.
+    pub fn frames_topic(&self) -> String {
+        self.lookahead.topics().frames.name()
+    }
+
+    /// How many readings were missing so far, of each topic but the first that gives single ranges: no message of it was
+    /// within [`MAX_RANGE_REACH_S`](crate::MAX_RANGE_REACH_S) of the frame. Without those that never were.
+    pub fn missing_readings(&self) -> Vec<(&str, u64)> {
+        self.lookahead.missing_readings()
     }
 
     /// The topic that poses come from, if the trip has one.
@@ -128,6 +136,19 @@ impl TripReader {
         self.truncation.as_ref()
     }
 
+    /// What else is to be said of the trip once its end was reached: each a sentence that begins where its name ends.
+    pub fn remarks(&self) -> Vec<String> {
+        let n_frames = self.lookahead.n_frames();
+        let missing = |(topic, n_missing): (&str, u64)| {
+            format!(
+                "has no reading of {topic} within {MAX_RANGE_REACH_S} s of {n_missing} of its {n_frames} frames, where it \
+                 is taken as invalid"
+            )
+        };
+        let truncation = self.truncation.iter().map(Truncation::to_string);
+        truncation.chain(self.missing_readings().into_iter().map(missing)).collect()
+    }
+
     /// Bytes of the file read so far, and bytes in the file.
     pub fn progress(&self) -> (u64, u64) {
         (self.recording.n_bytes_read(), self.recording.n_bytes())
@@ -147,9 +168,8 @@ impl TripReader {
 
 /// The topics of a recording: from its summary, or by reading it through.
 fn topics(recording: &mut Recording, selection: &Selection) -> Result<Vec<Topic>, TripError> {
-    let n_bytes = recording.n_bytes();
     let path = recording.path().to_owned();
-    let indexed = summary::catalogue(recording.file_mut(), n_bytes).map_err(io_error(&path))?;
+    let indexed = recording.catalogue()?;
     recording.rewind()?;
     if let Some(catalogue) = indexed {
         return Ok(catalogue.topics());
@@ -163,8 +183,8 @@ fn topics(recording: &mut Recording, selection: &Selection) -> Result<Vec<Topic>
         }
     };
     let topics = catalogue.topics();
-    let no_frames = match choose(&path, &topics, Role::Frames, selection.frames_topic.as_deref()) {
-        Ok(topic) => topic.is_none(),
+    let no_frames = match choose_frames(&path, &topics, selection.frames_topic.as_deref()) {
+        Ok(chosen) => chosen.is_none(),
         Err(TripError::UnfitTopic { topic, .. }) => topic.n_messages == 0,
         Err(_) => false,
     };

@@ -14,19 +14,25 @@ pub(crate) const RECORD_HEAD_BYTES: usize = 9;
 #[derive(Debug, PartialEq)]
 pub(crate) enum Record<'a> {
     Schema {
-        id: u16,
+        id: u32,
         name: &'a [u8],
+        encoding: &'a [u8],
+        definition: &'a [u8],
     },
     Channel {
-        id: u16,
+        id: u32,
         /// 0: none.
-        schema_id: u16,
+        schema_id: u32,
         topic: &'a [u8],
         message_encoding: &'a [u8],
+        /// Names and values.
+        metadata: &'a [u8],
     },
     Message {
-        channel_id: u16,
+        channel_id: u32,
+        sequence: u32,
         log_time: u64,
+        publish_time: u64,
         data: &'a [u8],
     },
     Statistics {
@@ -34,7 +40,7 @@ pub(crate) enum Record<'a> {
         /// Messages of all channels together.
         n_messages_total: u64,
         /// Messages of each channel.
-        n_messages: BTreeMap<u16, u64>,
+        n_messages: BTreeMap<u32, u64>,
     },
     /// A record that does not matter.
     Other,
@@ -45,20 +51,26 @@ impl<'a> Record<'a> {
     pub(crate) fn parse(opcode: u8, body: &'a [u8]) -> Option<Record<'a>> {
         let mut fields = Fields(body);
         Some(match opcode {
-            op::SCHEMA => Record::Schema { id: fields.u16()?, name: fields.prefixed()? },
+            op::SCHEMA => Record::Schema {
+                id: fields.u16()?.into(),
+                name: fields.prefixed()?,
+                encoding: fields.prefixed()?,
+                definition: fields.prefixed()?,
+            },
             op::CHANNEL => Record::Channel {
-                id: fields.u16()?,
-                schema_id: fields.u16()?,
+                id: fields.u16()?.into(),
+                schema_id: fields.u16()?.into(),
                 topic: fields.prefixed()?,
                 message_encoding: fields.prefixed()?,
+                metadata: fields.prefixed()?,
             },
-            op::MESSAGE => {
-                let channel_id = fields.u16()?;
-                let _sequence = fields.u32()?;
-                let log_time = fields.u64()?;
-                let _publish_time = fields.u64()?;
-                Record::Message { channel_id, log_time, data: fields.0 }
-            }
+            op::MESSAGE => Record::Message {
+                channel_id: fields.u16()?.into(),
+                sequence: fields.u32()?,
+                log_time: fields.u64()?,
+                publish_time: fields.u64()?,
+                data: fields.0,
+            },
             op::STATISTICS => parse_statistics(fields)?,
             _ => Record::Other,
         })
@@ -74,7 +86,7 @@ fn parse_statistics(mut fields: Fields<'_>) -> Option<Record<'_>> {
     let mut counts = Fields(fields.prefixed()?);
     let mut n_messages = BTreeMap::new();
     while !counts.0.is_empty() {
-        n_messages.insert(counts.u16()?, counts.u64()?);
+        n_messages.insert(counts.u16()?.into(), counts.u64()?);
     }
     Some(Record::Statistics { n_channels, n_messages_total, n_messages })
 }
@@ -90,15 +102,23 @@ pub(crate) struct ChunkBody<'a> {
 
 impl<'a> ChunkBody<'a> {
     pub(crate) fn parse(body: &'a [u8]) -> Option<ChunkBody<'a>> {
+        let (mut chunk, compressed_bytes) = Self::parse_beginning(body)?;
+        chunk.compressed = chunk.compressed.get(..usize::try_from(compressed_bytes).ok()?)?;
+        Some(chunk)
+    }
+
+    /// Of a body whose end may not be there, with as many compressed bytes as are; and how many there should be.
+    pub(crate) fn parse_beginning(body: &'a [u8]) -> Option<(ChunkBody<'a>, u64)> {
         let mut fields = Fields(body);
         // The first and the last time in it.
         fields.take(2 * 8)?;
         let uncompressed_bytes = fields.u64()?;
         let uncompressed_crc = fields.u32()?;
         let compression = fields.prefixed()?;
-        let compressed_bytes = usize::try_from(fields.u64()?).ok()?;
-        let compressed = fields.take(compressed_bytes)?;
-        Some(ChunkBody { uncompressed_bytes, uncompressed_crc, compression, compressed })
+        let compressed_bytes = fields.u64()?;
+        let compressed =
+            &fields.0[..fields.0.len().min(usize::try_from(compressed_bytes).unwrap_or(usize::MAX))];
+        Some((ChunkBody { uncompressed_bytes, uncompressed_crc, compression, compressed }, compressed_bytes))
     }
 }
 
@@ -131,17 +151,17 @@ impl<'a> Fields<'a> {
         Some(u32::from_le_bytes(self.array()?))
     }
 
-    fn u16(&mut self) -> Option<u16> {
+    pub(crate) fn u16(&mut self) -> Option<u16> {
         Some(u16::from_le_bytes(self.array()?))
     }
 
     /// Bytes after their number, as strings and maps are stored.
-    fn prefixed(&mut self) -> Option<&'a [u8]> {
+    pub(crate) fn prefixed(&mut self) -> Option<&'a [u8]> {
         let n_bytes = usize::try_from(self.u32()?).ok()?;
         self.take(n_bytes)
     }
 
-    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+    pub(crate) fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
         self.take(N)?.try_into().ok()
     }
 }

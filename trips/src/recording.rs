@@ -1,33 +1,24 @@
-//! A recording's records, from the first to the last whole one, in the order of the file.
-//!
-//! The `mcap` crate finds where records begin and end and holds the data section against its checksum; chunks are
-//! opened in [`crate::chunk`]. Memory holds one chunk, compressed and not. Lengths are believed only as far as the
-//! file goes.
+//! A recording's records, from the first to the last whole one, whatever sort of file it is.
 
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read, Seek};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use mcap::McapError;
-use mcap::records::op;
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
-
-use crate::chunk::{self, ChunkFault};
-use crate::record::{RECORD_HEAD_BYTES, Record, first_record};
-use crate::{TripError, summary};
+use crate::TripError;
+use crate::catalogue::Catalogue;
+use crate::mcap_file::McapFile;
+use crate::record::Record;
+use crate::ros1_bag::{self, Ros1Bag};
 
 /// Bytes of one record in the file: a compressed chunk, or an attachment, which is stepped over in memory.
-const MAX_RECORD_BYTES: u64 = 512 << 20;
+pub(crate) const MAX_RECORD_BYTES: u64 = 512 << 20;
 
 /// What is wrong where a record's length is.
-const TOO_LONG: &str = "the record there claims more bytes than the file has left";
+pub(crate) const TOO_LONG: &str = "the record there claims more bytes than the file has left";
 
 /// What is wrong where there is something else.
-const NO_RECORD: &str = "what stands there is no record";
-
-/// Bytes read from the file at once.
-const READ_BYTES: usize = 256 << 10;
+pub(crate) const NO_RECORD: &str = "what stands there is no record";
 
 /// Where a recording was cut off, and what was read of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -60,6 +51,24 @@ impl fmt::Display for Truncation {
     }
 }
 
+/// What sort of file a recording is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// MCAP, as ROS 2 records.
+    Mcap,
+    /// A bag of ROS 1.
+    Ros1Bag,
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Mcap => "MCAP",
+            Self::Ros1Bag => "ROS 1 bag",
+        })
+    }
+}
+
 /// How the data came to their end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum End {
@@ -70,223 +79,112 @@ pub(crate) enum End {
 }
 
 /// A recording being read.
-pub(crate) struct Recording {
-    path: PathBuf,
-    file: File,
-    n_bytes: u64,
-    n_bytes_read: u64,
-    framing: LinearReader,
-    /// Where in the file the next record begins.
-    at_byte: u64,
-    /// The records of the chunk being read, or one record that stands outside of chunks.
-    records: Vec<u8>,
-    next_in_records: usize,
-    records_at_byte: u64,
-    /// Whether the file ends as a recording that was closed does. What is not whole in such a file is damage.
-    closed: bool,
-    end: Option<End>,
+pub(crate) enum Recording {
+    Mcap(Box<McapFile>),
+    Ros1(Box<Ros1Bag>),
+}
+
+macro_rules! either {
+    ($self:expr, $file:ident => $value:expr) => {
+        match $self {
+            Recording::Mcap($file) => $value,
+            Recording::Ros1($file) => $value,
+        }
+    };
 }
 
 impl Recording {
-    /// Opens the file and looks at its two ends.
+    /// Opens a file by what its first bytes say that it is, and looks at its end.
     pub(crate) fn open(path: &Path) -> Result<Recording, TripError> {
-        let (mut file, n_bytes) = open_file(path)?;
-        let closed = summary::footer(&mut file, n_bytes).map_err(io_error(path))?.is_some();
-        let mut recording = Recording {
-            path: path.to_owned(),
-            file,
-            n_bytes,
-            n_bytes_read: 0,
-            framing: LinearReader::new(),
-            at_byte: 0,
-            records: Vec::new(),
-            next_in_records: 0,
-            records_at_byte: 0,
-            closed,
-            end: None,
-        };
-        recording.rewind()?;
-        Ok(recording)
+        let (mut file, n_bytes, beginning) = open_regular(path)?;
+        file.rewind().map_err(io_error(path))?;
+        if begins_as(&beginning, mcap::MAGIC) {
+            return McapFile::new(path, file, n_bytes).map(|file| Recording::Mcap(Box::new(file)));
+        }
+        if begins_as(&beginning, ros1_bag::MAGIC) {
+            return Ros1Bag::new(path, file, n_bytes).map(|bag| Recording::Ros1(Box::new(bag)));
+        }
+        let looks_like = known_format(&beginning).unwrap_or("of some other kind");
+        Err(TripError::NotMcap { path: path.to_owned(), looks_like })
     }
 
     /// Goes back to the first record.
     pub(crate) fn rewind(&mut self) -> Result<(), TripError> {
-        self.file.rewind().map_err(io_error(&self.path))?;
-        self.framing = LinearReader::new_with_options(
-            LinearReaderOptions::default()
-                .with_emit_chunks(true)
-                .with_validate_data_section_crc(true)
-                .with_record_length_limit(MAX_RECORD_BYTES as usize),
-        );
-        self.n_bytes_read = 0;
-        self.at_byte = mcap::MAGIC.len() as u64;
-        self.records.clear();
-        self.next_in_records = 0;
-        self.end = None;
-        Ok(())
+        either!(self, file => file.rewind())
     }
 
     /// The next record that matters, or `None` at the end, which [`end`](Self::end) tells about.
     pub(crate) fn next_record(&mut self) -> Result<Option<Record<'_>>, TripError> {
-        while self.next_in_records == self.records.len() {
-            if self.end.is_some() || !self.load()? {
-                return Ok(None);
-            }
-        }
-        let damaged = || TripError::Damaged {
-            path: self.path.clone(),
-            at_byte: self.records_at_byte,
-            what: "a record there is shorter than what it says it holds".to_owned(),
-        };
-        let (opcode, body, n_bytes) =
-            first_record(&self.records[self.next_in_records..]).ok_or_else(damaged)?;
-        self.next_in_records += n_bytes;
-        Record::parse(opcode, body).map(Some).ok_or_else(damaged)
+        either!(self, file => file.next_record())
+    }
+
+    /// The channels that the index names, if there is one to believe. What was read before must be begun anew.
+    pub(crate) fn catalogue(&mut self) -> Result<Option<Catalogue>, TripError> {
+        either!(self, file => file.catalogue())
     }
 
     /// How the data ended, once they have.
     pub(crate) fn end(&self) -> Option<End> {
-        self.end
+        either!(self, file => file.end())
     }
 
     /// Whether the file ends as one does that was closed.
     pub(crate) fn is_closed(&self) -> bool {
-        self.closed
+        either!(self, file => file.is_closed())
+    }
+
+    pub(crate) fn format(&self) -> Format {
+        match self {
+            Recording::Mcap(_) => Format::Mcap,
+            Recording::Ros1(_) => Format::Ros1Bag,
+        }
     }
 
     pub(crate) fn path(&self) -> &Path {
-        &self.path
-    }
-
-    pub(crate) fn file_mut(&mut self) -> &mut File {
-        &mut self.file
+        either!(self, file => file.path())
     }
 
     /// Where the next record begins, or the one that is not whole.
     pub(crate) fn at_byte(&self) -> u64 {
-        self.at_byte
+        either!(self, file => file.at_byte())
     }
 
     pub(crate) fn n_bytes(&self) -> u64 {
-        self.n_bytes
+        either!(self, file => file.n_bytes())
     }
 
     pub(crate) fn n_bytes_read(&self) -> u64 {
-        self.n_bytes_read
-    }
-
-    /// Fills `records` with what comes next; false at the end.
-    fn load(&mut self) -> Result<bool, TripError> {
-        loop {
-            let at_byte = self.at_byte;
-            match self.framing.next_event() {
-                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                    if wanted as u64 > self.n_bytes - self.n_bytes_read || self.read_some(wanted)? == 0 {
-                        return self.stop_short(TOO_LONG);
-                    }
-                }
-                Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                    let next_at_byte = at_byte + (RECORD_HEAD_BYTES + data.len()) as u64;
-                    match opcode {
-                        op::DATA_END | op::FOOTER => {
-                            self.at_byte = next_at_byte;
-                            self.end = Some(End::Closed);
-                            return Ok(false);
-                        }
-                        // No record has this opcode; a file system that lost the end of a file fills it with zeroes.
-                        0 => return self.stop_short(NO_RECORD),
-                        op::CHUNK => match chunk::open(data, &mut self.records) {
-                            Ok(()) => return Ok(self.loaded(next_at_byte)),
-                            Err(fault) => return self.chunk_failed(next_at_byte, fault),
-                        },
-                        op::SCHEMA | op::CHANNEL | op::MESSAGE => {
-                            self.records.clear();
-                            self.records.push(opcode);
-                            self.records.extend((data.len() as u64).to_le_bytes());
-                            self.records.extend(data);
-                            return Ok(self.loaded(next_at_byte));
-                        }
-                        _ => self.at_byte = next_at_byte,
-                    }
-                }
-                Some(Err(McapError::RecordTooLarge { len, .. })) => {
-                    return if len > self.n_bytes - at_byte {
-                        self.stop_short(TOO_LONG)
-                    } else {
-                        Err(self.too_large(len, MAX_RECORD_BYTES))
-                    };
-                }
-                Some(Err(McapError::BadDataCrc { saved, calculated })) => {
-                    let what = format!(
-                        "the checksum of all data before it should be {saved:08x} and is {calculated:08x}"
-                    );
-                    return Err(self.damaged(what));
-                }
-                Some(Err(_)) => return Err(self.damaged(NO_RECORD.to_owned())),
-                None => return self.stop_short(NO_RECORD),
-            }
-        }
-    }
-
-    /// Reads at least one byte where there are any, at most [`READ_BYTES`].
-    fn read_some(&mut self, wanted: usize) -> Result<usize, TripError> {
-        let left = usize::try_from(self.n_bytes - self.n_bytes_read).unwrap_or(usize::MAX);
-        let n_bytes = wanted.clamp(READ_BYTES / 4, READ_BYTES).min(left);
-        let buffer = self.framing.insert(n_bytes);
-        let n_read = loop {
-            match self.file.read(buffer) {
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                result => break result.map_err(io_error(&self.path))?,
-            }
-        };
-        self.framing.notify_read(n_read);
-        self.n_bytes_read += n_read as u64;
-        Ok(n_read)
-    }
-
-    fn loaded(&mut self, next_at_byte: u64) -> bool {
-        self.records_at_byte = self.at_byte;
-        self.at_byte = next_at_byte;
-        self.next_in_records = 0;
-        true
-    }
-
-    /// The record at `at_byte` is not whole: the end of a recording that was cut off, damage in any other.
-    fn stop_short(&mut self, what: &str) -> Result<bool, TripError> {
-        if self.closed {
-            return Err(self.damaged(what.to_owned()));
-        }
-        self.end = Some(End::CutOff);
-        Ok(false)
-    }
-
-    fn chunk_failed(&mut self, next_at_byte: u64, fault: ChunkFault) -> Result<bool, TripError> {
-        self.records.clear();
-        self.next_in_records = 0;
-        match fault {
-            // The last thing in a file that was not closed: its length reached the disk and its bytes did not.
-            ChunkFault::Damaged { what } if next_at_byte == self.n_bytes => self.stop_short(&what),
-            ChunkFault::Damaged { what } => Err(self.damaged(what)),
-            ChunkFault::TooLarge { n_bytes } => Err(self.too_large(n_bytes, chunk::MAX_CHUNK_BYTES)),
-            ChunkFault::UnsupportedCompression { name } => Err(TripError::UnsupportedCompression {
-                path: self.path.clone(),
-                at_byte: self.at_byte,
-                name,
-            }),
-        }
-    }
-
-    fn damaged(&self, what: String) -> TripError {
-        TripError::Damaged { path: self.path.clone(), at_byte: self.at_byte, what }
-    }
-
-    fn too_large(&self, n_bytes: u64, limit: u64) -> TripError {
-        TripError::TooLarge { path: self.path.clone(), at_byte: self.at_byte, n_bytes, limit }
+        either!(self, file => file.n_bytes_read())
     }
 }
 
-/// Opens a file that begins as an MCAP file does, or as the beginning of one that was cut off.
-fn open_file(path: &Path) -> Result<(File, u64), TripError> {
+/// Whether a file begins as this sort does, or is the beginning of one.
+fn begins_as(beginning: &[u8], magic: &[u8]) -> bool {
+    let compared = beginning.len().min(magic.len());
+    beginning[..compared] == magic[..compared]
+}
+
+/// Opens a file that may have been an MCAP file, unless it is known for another.
+pub(crate) fn open_damaged(path: &Path) -> Result<(File, u64), TripError> {
+    let (file, n_bytes, beginning) = open_regular(path)?;
+    let looks_like = match known_format(&beginning) {
+        _ if begins_as(&beginning, ros1_bag::MAGIC) => "a ROS 1 bag",
+        Some(looks_like) => looks_like,
+        None => return Ok((file, n_bytes)),
+    };
+    Err(TripError::UnsavedFormat { path: path.to_owned(), looks_like })
+}
+
+fn known_format(beginning: &[u8]) -> Option<&'static str> {
+    match beginning {
+        [b'#', b'R', b'O', b'S', b'B', b'A', b'G', ..] => Some("a ROS 1 bag of another version"),
+        [b'S', b'Q', b'L', b'i', b't', b'e', ..] => Some("an SQLite database, perhaps an older ROS 2 bag"),
+        _ => None,
+    }
+}
+
+/// Opens a file: its bytes, and the first of them.
+fn open_regular(path: &Path) -> Result<(File, u64, Vec<u8>), TripError> {
     let metadata = std::fs::metadata(path).map_err(|source| match source.kind() {
         io::ErrorKind::NotFound => TripError::NotFound { path: path.to_owned() },
         _ => TripError::Io { path: path.to_owned(), source },
@@ -301,19 +199,10 @@ fn open_file(path: &Path) -> Result<(File, u64), TripError> {
     let mut file = File::open(path).map_err(io_error(path))?;
     let mut beginning = Vec::new();
     (&mut file).take(16).read_to_end(&mut beginning).map_err(io_error(path))?;
-    if beginning.is_empty() {
-        return Err(TripError::Empty { path: path.to_owned() });
+    match beginning.is_empty() {
+        true => Err(TripError::Empty { path: path.to_owned() }),
+        false => Ok((file, metadata.len(), beginning)),
     }
-    let compared = beginning.len().min(mcap::MAGIC.len());
-    if beginning[..compared] != mcap::MAGIC[..compared] {
-        let looks_like = match beginning.as_slice() {
-            [b'#', b'R', b'O', b'S', b'B', b'A', b'G', ..] => "a ROS 1 bag",
-            [b'S', b'Q', b'L', b'i', b't', b'e', ..] => "an SQLite database, perhaps an older ROS 2 bag",
-            _ => "of some other kind",
-        };
-        return Err(TripError::NotMcap { path: path.to_owned(), looks_like });
-    }
-    Ok((file, metadata.len()))
 }
 
 /// Adds the file's name to the system's reason.

@@ -51,6 +51,11 @@ fn parse_footer(end: &[u8]) -> Option<Footer> {
 
 /// The channels that the summary names, or `None` if there is no summary to believe. Moves the file's position.
 pub(crate) fn catalogue(file: &mut File, n_bytes: u64) -> io::Result<Option<Catalogue>> {
+    Ok(records(file, n_bytes)?.and_then(|records| parse_summary(&records)))
+}
+
+/// The records of the summary, or `None` if there is none, or its checksum is another. Moves the file's position.
+pub(crate) fn records(file: &mut File, n_bytes: u64) -> io::Result<Option<Vec<u8>>> {
     let Some(footer) = footer(file, n_bytes)? else { return Ok(None) };
     // The checksum covers the footer up to itself.
     let covered_end = n_bytes - (mcap::MAGIC.len() + 4) as u64;
@@ -61,10 +66,8 @@ pub(crate) fn catalogue(file: &mut File, n_bytes: u64) -> io::Result<Option<Cata
     let mut covered = Vec::new();
     file.seek(SeekFrom::Start(footer.summary_start))?;
     file.take(covered_bytes).read_to_end(&mut covered)?;
-    if footer.summary_crc != 0 && footer.summary_crc != crc32fast::hash(&covered) {
-        return Ok(None);
-    }
-    Ok(parse_summary(&covered))
+    let is_as_written = footer.summary_crc == 0 || footer.summary_crc == crc32fast::hash(&covered);
+    Ok(is_as_written.then_some(covered))
 }
 
 fn parse_summary(mut covered: &[u8]) -> Option<Catalogue> {

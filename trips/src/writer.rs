@@ -1,19 +1,11 @@
-//! Writes a trip: frames, poses and commands as standard ROS 2 messages in MCAP.
-//!
-//! The file has what `ros2 bag`, Foxglove, PlotJuggler and `rosbags` look for: the profile `ros2`, the full text of each
-//! message's definition, and the metadata record of `rosbag2` (in its version 5, which every distribution since
-//! Humble reads). Until it is finished it stands beside its name under another, `NAME.….partial`.
+//! Writes a trip: frames, poses and commands as standard ROS 2 messages, each with the full text of its definition.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
-use std::fs::File;
-use std::io::{self, BufWriter};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use mcap::McapError;
-use mcap::records::{MessageHeader, Metadata};
-use tempfile::NamedTempFile;
+use mcap::records::MessageHeader;
 
+use crate::bag_file::{BagFile, Channel, ROS2, Schema, WriterOptions};
 use crate::catalogue::{FLOAT64_MULTI_ARRAY, IMAGE, LASER_SCAN, ODOMETRY, POSE_STAMPED, TWIST_STAMPED};
 use crate::counts::{INVALID, Unit};
 use crate::message::{
@@ -21,35 +13,6 @@ use crate::message::{
     PoseStampedMessage, TwistStampedMessage, encode,
 };
 use crate::{Command, FrameLayout, Pose, Stamp, TripWriteError};
-
-/// How chunks are compressed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Compression {
-    /// Not at all.
-    None,
-    /// LZ4. Faster than zstd; of depth images it saves next to nothing.
-    Lz4,
-    /// Zstandard at level 1, which fits depth images.
-    Zstd,
-}
-
-/// How a trip is laid out in its file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct WriterOptions {
-    /// How chunks are compressed.
-    pub compression: Compression,
-    /// Bytes of messages in a chunk, before compression; `None`: no chunks, and no compression either.
-    pub chunk_bytes: Option<u64>,
-    /// Whether an index and a summary are written, so that readers find topics and times without reading everything.
-    pub indexed: bool,
-}
-
-/// Chunks of 1 MiB, compressed with zstd and indexed.
-impl Default for WriterOptions {
-    fn default() -> Self {
-        Self { compression: Compression::Zstd, chunk_bytes: Some(1 << 20), indexed: true }
-    }
-}
 
 /// A frame written as `sensor_msgs/msg/LaserScan`: one row of readings, bearings counter-clockwise.
 ///
@@ -98,11 +61,8 @@ pub enum ImageEncoding {
 ///
 /// Dropped without [`finish`](Self::finish), it leaves nothing behind.
 pub struct TripWriter {
-    target: PathBuf,
-    mcap: mcap::Writer<BufWriter<NamedTempFile>>,
+    bag: BagFile,
     topics: BTreeMap<String, WrittenTopic>,
-    /// Times of the earliest and the latest message, ns.
-    logged: Option<(u64, u64)>,
 }
 
 struct WrittenTopic {
@@ -118,30 +78,7 @@ impl TripWriter {
     ///
     /// The directory does not exist or cannot be written to; `path` is itself a directory.
     pub fn create(path: &Path, options: &WriterOptions) -> Result<TripWriter, TripWriteError> {
-        if path.is_dir() {
-            return Err(TripWriteError::IsDirectory { path: path.to_owned() });
-        }
-        let file = partial_file(path).map_err(io_error(path))?;
-        let compression = match options.compression {
-            Compression::None => None,
-            Compression::Lz4 => Some(mcap::Compression::Lz4),
-            Compression::Zstd => Some(mcap::Compression::Zstd),
-        };
-        let mcap = mcap::WriteOptions::new()
-            .profile("ros2")
-            .library(concat!("kinds-trips ", env!("CARGO_PKG_VERSION")))
-            .compression(compression)
-            .compression_level(1)
-            // In this thread: a robot's other programs need the other cores.
-            .compression_threads(0)
-            .use_chunks(options.chunk_bytes.is_some())
-            .chunk_size(options.chunk_bytes)
-            .emit_message_indexes(options.indexed)
-            .emit_summary_records(options.indexed)
-            .emit_summary_offsets(options.indexed)
-            .create(BufWriter::new(file))
-            .map_err(mcap_error(path))?;
-        Ok(TripWriter { target: path.to_owned(), mcap, topics: BTreeMap::new(), logged: None })
+        Ok(TripWriter { bag: BagFile::create(path, ROS2, options)?, topics: BTreeMap::new() })
     }
 
     /// Writes a frame as a laser scan.
@@ -293,7 +230,7 @@ impl TripWriter {
     ///
     /// The file cannot be written.
     pub fn flush(&mut self) -> Result<(), TripWriteError> {
-        self.mcap.flush().map_err(mcap_error(&self.target))
+        self.bag.flush()
     }
 
     /// Closes the trip, waits until the disk has it, and gives it its name.
@@ -301,17 +238,8 @@ impl TripWriter {
     /// # Errors
     ///
     /// The file cannot be written or renamed; then nothing is left of it.
-    pub fn finish(mut self) -> Result<(), TripWriteError> {
-        let metadata = self.rosbag2_metadata();
-        let path = &self.target;
-        self.mcap.write_metadata(&metadata).map_err(mcap_error(path))?;
-        self.mcap.finish().map_err(mcap_error(path))?;
-        let buffered = self.mcap.into_inner();
-        let file = buffered.into_inner().map_err(|error| io_error(path)(error.into_error()))?;
-        file.as_file().sync_all().map_err(io_error(path))?;
-        file.persist(path).map_err(|error| io_error(path)(error.error))?;
-        // The new name is on the disk once its directory is.
-        File::open(directory_of(path)).and_then(|directory| directory.sync_all()).map_err(io_error(path))
+    pub fn finish(self) -> Result<(), TripWriteError> {
+        self.bag.finish()
     }
 
     fn write(
@@ -322,16 +250,12 @@ impl TripWriter {
         data: &[u8],
     ) -> Result<(), TripWriteError> {
         let log_time = u64::try_from(at.0).unwrap_or(0);
-        let (channel_id, sequence) = self.channel(topic, type_name).map_err(mcap_error(&self.target))?;
-        let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
-        self.mcap.write_to_known_channel(&header, data).map_err(mcap_error(&self.target))?;
-        let (earliest, latest) = self.logged.unwrap_or((log_time, log_time));
-        self.logged = Some((earliest.min(log_time), latest.max(log_time)));
-        Ok(())
+        let (channel_id, sequence) = self.channel(topic, type_name)?;
+        self.bag.write(&MessageHeader { channel_id, sequence, log_time, publish_time: log_time }, data)
     }
 
     /// The channel of a topic, and the number of the next message on it.
-    fn channel(&mut self, topic: &str, type_name: &'static str) -> Result<(u16, u32), McapError> {
+    fn channel(&mut self, topic: &str, type_name: &'static str) -> Result<(u16, u32), TripWriteError> {
         if let Some(written) = self.topics.get_mut(topic) {
             assert_eq!(written.type_name, type_name, "a topic has messages of one type");
             written.n_messages += 1;
@@ -345,50 +269,20 @@ impl TripWriter {
             FLOAT64_MULTI_ARRAY => include_str!("definitions/Float64MultiArray.msg"),
             _ => include_str!("definitions/Odometry.msg"),
         };
-        let schema_id = self.mcap.add_schema(type_name, "ros2msg", definition.as_bytes())?;
-        let quality = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
-        let channel_id = self.mcap.add_channel(schema_id, topic, "cdr", &quality)?;
+        let schema = Schema {
+            name: type_name.to_owned(),
+            encoding: "ros2msg".to_owned(),
+            definition: definition.into(),
+        };
+        let channel = Channel {
+            topic: topic.to_owned(),
+            message_encoding: "cdr".to_owned(),
+            metadata: BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]),
+        };
+        let channel_id = self.bag.add_channel(&schema, &channel)?;
         self.topics.insert(topic.to_owned(), WrittenTopic { channel_id, type_name, n_messages: 1 });
         Ok((channel_id, 0))
     }
-
-    /// What `ros2 bag info` shows, in YAML, as `metadata.yaml` has it beside a bag of several files.
-    fn rosbag2_metadata(&self) -> Metadata {
-        let (earliest_ns, latest_ns) = self.logged.unwrap_or((0, 0));
-        let duration_ns = latest_ns - earliest_ns;
-        let n_messages: u64 = self.topics.values().map(|topic| u64::from(topic.n_messages)).sum();
-        let file_name = quoted(&self.target.file_name().unwrap_or_default().to_string_lossy());
-        let mut topics = String::new();
-        for (name, topic) in &self.topics {
-            let WrittenTopic { type_name, n_messages, .. } = topic;
-            let name = quoted(name);
-            // Writing to a string cannot fail.
-            let _ = write!(
-                topics,
-                "\n- topic_metadata:\n    name: {name}\n    type: {type_name}\n    serialization_format: cdr\n    \
-                 offered_qos_profiles: ''\n  message_count: {n_messages}"
-            );
-        }
-        if topics.is_empty() {
-            topics.push_str(" []");
-        }
-        let yaml = format!(
-            "version: 5\nstorage_identifier: mcap\nduration:\n  nanoseconds: {duration_ns}\nstarting_time:\n  \
-             nanoseconds_since_epoch: {earliest_ns}\nmessage_count: {n_messages}\ntopics_with_message_count:{topics}\n\
-             compression_format: ''\ncompression_mode: ''\nrelative_file_paths:\n- {file_name}\nfiles:\n- path: \
-             {file_name}\n  starting_time:\n    nanoseconds_since_epoch: {earliest_ns}\n  duration:\n    \
-             nanoseconds: {duration_ns}\n  message_count: {n_messages}\n"
-        );
-        Metadata {
-            name: "rosbag2".to_owned(),
-            metadata: BTreeMap::from([("serialized_metadata".to_owned(), yaml)]),
-        }
-    }
-}
-
-/// A YAML string, whatever is in it.
-fn quoted(text: &str) -> String {
-    format!("'{}'", text.replace('\'', "''"))
 }
 
 fn header(at: Stamp, frame_id: &str) -> Header<&str> {
@@ -423,37 +317,4 @@ fn pixels(image: &Image<'_>, unit: Unit) -> Vec<u8> {
 
 fn checked(metres_per_count: f64) -> Result<Unit, TripWriteError> {
     Unit::new(metres_per_count).ok_or(TripWriteError::Unit { metres_per_count })
-}
-
-/// A file beside the target, with the permissions of any other new file.
-fn partial_file(target: &Path) -> io::Result<NamedTempFile> {
-    let mut prefix = target.file_name().unwrap_or_default().to_owned();
-    prefix.push(".");
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(".partial");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        // The umask is taken off as the file is made; temporary files are otherwise their owner's alone.
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    builder.tempfile_in(directory_of(target))
-}
-
-fn directory_of(path: &Path) -> &Path {
-    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-fn io_error(path: &Path) -> impl FnOnce(io::Error) -> TripWriteError + '_ {
-    move |source| TripWriteError::Io { path: path.to_owned(), source }
-}
-
-fn mcap_error(path: &Path) -> impl FnOnce(McapError) -> TripWriteError + '_ {
-    move |error| {
-        let source = match error {
-            McapError::Io(source) => source,
-            other => io::Error::other(other),
-        };
-        TripWriteError::Io { path: path.to_owned(), source }
-    }
 }

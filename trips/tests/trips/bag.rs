@@ -12,6 +12,10 @@ pub(crate) const LASER_SCAN: &str = "sensor_msgs/msg/LaserScan";
 pub(crate) const IMAGE: &str = "sensor_msgs/msg/Image";
 pub(crate) const ODOMETRY: &str = "nav_msgs/msg/Odometry";
 pub(crate) const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
+pub(crate) const RANGE: &str = "sensor_msgs/msg/Range";
+pub(crate) const POINT_CLOUD2: &str = "sensor_msgs/msg/PointCloud2";
+pub(crate) const COMPRESSED_IMAGE: &str = "sensor_msgs/msg/CompressedImage";
+pub(crate) const FLOAT32_MULTI_ARRAY: &str = "std_msgs/msg/Float32MultiArray";
 pub(crate) const TWIST: &str = "geometry_msgs/msg/Twist";
 pub(crate) const TWIST_STAMPED: &str = "geometry_msgs/msg/TwistStamped";
 

@@ -1,6 +1,6 @@
 //! Topics are found by type where only one fits, and by name.
 
-use kinds_trips::{Selection, TripReader};
+use kinds_trips::{Role, Selection, TripReader};
 
 use crate::bag::{
     Bag, Folder, IMAGE, LASER_SCAN, ODOMETRY, POSE_STAMPED, TWIST, TWIST_STAMPED, odometry, pose_stamped,
@@ -53,7 +53,8 @@ fn check(topics: &[(&str, &str, &str, u32)], selection: &Selection, expected: &s
             }
             Err(error) => error.to_string(),
         };
-        assert_eq!(outcome, expected.replace("TRIP", &path.display().to_string()), "indexed: {indexed}");
+        let expected = expected.replace("TRIP", &path.display().to_string());
+        assert_eq!(outcome, expected.replace("FRAMES", &Role::Frames.types()), "indexed: {indexed}");
     }
 }
 
@@ -108,19 +109,18 @@ fn topics_are_chosen_by_type_or_by_name_and_else_the_sentence_says_how() {
         &[scan, odom],
         &frames_from("/odom"),
         "/odom (nav_msgs/msg/Odometry, 2 messages) in TRIP cannot give frames, asked for with --frames-topic: that takes \
-         messages of type sensor_msgs/msg/LaserScan or sensor_msgs/msg/Image in CDR",
+         messages of type FRAMES",
     );
     check(
         &[scan],
         &poses_from("/scan"),
         "/scan (sensor_msgs/msg/LaserScan, 3 messages) in TRIP cannot give poses, asked for with --poses-topic: that \
-         takes messages of type nav_msgs/msg/Odometry or geometry_msgs/msg/PoseStamped in CDR",
+         takes messages of type nav_msgs/msg/Odometry or geometry_msgs/msg/PoseStamped",
     );
     check(
         &[odom, ("/chat", "", "json", 1), ("/depth", IMAGE, "cdr", 0)],
         &any,
-        "TRIP has no frames: none of its topics has messages of type sensor_msgs/msg/LaserScan or sensor_msgs/msg/Image \
-         in CDR; it has /chat (type unknown encoded as 'json', 1 message), /depth (sensor_msgs/msg/Image, no messages), \
+        "TRIP has no frames: none of its topics has messages of type FRAMES; it has /chat (type unknown encoded as 'json', 1 message), /depth (sensor_msgs/msg/Image, no messages), \
          /odom (nav_msgs/msg/Odometry, 2 messages)",
     );
     check(&[], &any, "TRIP has no frames: it has no topics at all");
@@ -156,7 +156,7 @@ fn commands_are_chosen_as_poses_are_but_of_several_topics_none_is_taken() {
         &[scan, odom],
         &commands_from("/odom"),
         "/odom (nav_msgs/msg/Odometry, 2 messages) in TRIP cannot give commands, asked for with --commands-topic: that \
-         takes messages of type geometry_msgs/msg/Twist or geometry_msgs/msg/TwistStamped in CDR",
+         takes messages of type geometry_msgs/msg/Twist or geometry_msgs/msg/TwistStamped",
     );
 }
 

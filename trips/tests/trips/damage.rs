@@ -6,7 +6,7 @@ use kinds_trips::{Command, Compression, Pose, Scan, Selection, Stamp, TripError,
 
 use crate::bag::{Bag, Folder, LASER_SCAN, Read, read, read_whole, refusal, scan};
 
-const N_FRAMES: u16 = 5;
+pub(crate) const N_FRAMES: u16 = 5;
 
 /// A small trip; about two messages in a chunk.
 fn write_small(path: &Path, compression: Compression, chunk_bytes: Option<u64>, indexed: bool) {
@@ -32,7 +32,7 @@ fn write_small(path: &Path, compression: Compression, chunk_bytes: Option<u64>, 
 }
 
 /// A small trip without checksums, as recorders make them whose first aim is speed.
-fn write_unchecked(path: &Path, chunked: bool) {
+pub(crate) fn write_unchecked(path: &Path, chunked: bool) {
     let options = mcap::WriteOptions::new()
         .compression(None)
         .use_chunks(chunked)
@@ -49,7 +49,7 @@ fn write_unchecked(path: &Path, chunked: bool) {
 }
 
 /// The small trip in every layout that a file can have, as bytes.
-fn layouts(folder: &Folder) -> Vec<Vec<u8>> {
+pub(crate) fn layouts(folder: &Folder) -> Vec<Vec<u8>> {
     let path = folder.join("whole.mcap");
     let mut layouts = Vec::new();
     for (compression, chunk_bytes) in [
@@ -352,7 +352,7 @@ fn an_attachment_is_stepped_over() {
     assert_eq!(read_whole(&path).counts(), [[1000], [2000]]);
 }
 
-fn flips(bytes: &[u8]) -> impl Iterator<Item = (usize, u8)> {
+pub(crate) fn flips(bytes: &[u8]) -> impl Iterator<Item = (usize, u8)> {
     (0..bytes.len()).flat_map(|index| [0x01, 0x80].map(|flip| (index, flip)))
 }
 
@@ -368,7 +368,7 @@ fn first_record_bytes(bytes: &[u8]) -> usize {
 }
 
 /// Where each chunk of a whole file ends.
-fn chunk_ends(bytes: &[u8]) -> Vec<usize> {
+pub(crate) fn chunk_ends(bytes: &[u8]) -> Vec<usize> {
     let mut ends = Vec::new();
     let mut at_byte = 8;
     while at_byte + 9 < bytes.len() {

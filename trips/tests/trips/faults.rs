@@ -3,8 +3,9 @@
 use kinds_trips::Selection;
 
 use crate::bag::{
-    Bag, Cdr, Folder, IMAGE, LASER_SCAN, ODOMETRY, RawImage, TWIST, TWIST_STAMPED, image_in, odometry,
-    odometry_in, read, read_whole, refusal, scan, scan_in, twist_in, twist_stamped_in,
+    Bag, COMPRESSED_IMAGE, Cdr, FLOAT32_MULTI_ARRAY, Folder, IMAGE, LASER_SCAN, ODOMETRY, POINT_CLOUD2,
+    RawImage, TWIST, TWIST_STAMPED, image_in, odometry, odometry_in, read, read_whole, refusal, scan,
+    scan_in, twist_in, twist_stamped_in,
 };
 
 #[test]
@@ -21,10 +22,10 @@ fn files_that_are_no_trip_are_refused_in_a_sentence() {
     check("missing.mcap", None, "no trip at TRIP: there is no such file");
     check("", None, "TRIP is a directory; a trip is one .mcap file, name the one in it");
     check("empty.mcap", Some(b""), "TRIP is empty (0 bytes): nothing was recorded");
-    let not_mcap =
-        "TRIP is not an MCAP file but WHAT; `ros2 bag convert` or `rosbags-convert` makes one of a ROS bag";
+    let not_mcap = "TRIP is neither an MCAP file nor a ROS 1 bag but WHAT; `ros2 bag convert` or `rosbags-convert` makes one of other bags";
     check("text", Some(b"hello"), &not_mcap.replace("WHAT", "of some other kind"));
-    check("ros1", Some(b"#ROSBAG V2.0\n"), &not_mcap.replace("WHAT", "a ROS 1 bag"));
+    check("ros1", Some(b"#ROSBAG V1.2\n"), &not_mcap.replace("WHAT", "a ROS 1 bag of another version"));
+    check("ros1.bag", Some(b"#ROSBAG V2.0\n"), "TRIP is cut off at byte 13 of 13, before its first frame");
     check(
         "sqlite",
         Some(b"SQLite format 3\0"),
@@ -56,7 +57,7 @@ fn fault(type_name: &str, messages: &[Vec<u8>]) -> String {
         bag.message(id, log_time, message);
     }
     // Frames come after what only goes with them.
-    let is_beside_frames = ![LASER_SCAN, IMAGE].contains(&type_name);
+    let is_beside_frames = [ODOMETRY, TWIST, TWIST_STAMPED].contains(&type_name);
     if is_beside_frames {
         let frames = bag.topic("/scan", LASER_SCAN);
         bag.message(frames, 0, &scan((1000, 0), &[1.0]));
@@ -233,4 +234,144 @@ fn messages_of_other_topics_do_not_matter() {
     bag.finish();
     let trip = read_whole(&path);
     assert_eq!((trip.counts(), trip.x_m()), (vec![vec![1000]], vec![None]));
+}
+
+/// A cloud as it stands in its message: x, y and z of so many bytes each.
+#[derive(Clone, Copy)]
+struct Cloud<'a> {
+    rows: u32,
+    columns: u32,
+    fields: &'a [(&'a [u8], u32, u8)],
+    point_step: u32,
+    row_step: u32,
+    data: &'a [u8],
+}
+
+const XYZ: [(&[u8], u32, u8); 3] = [(b"x\0", 0, 7), (b"y\0", 4, 7), (b"z\0", 8, 7)];
+
+const GOOD_CLOUD: Cloud<'static> =
+    Cloud { rows: 2, columns: 2, fields: &XYZ, point_step: 12, row_step: 24, data: &[0; 48] };
+
+fn cloud(cloud: Cloud<'_>) -> Vec<u8> {
+    let mut message = Cdr::new(false).header((1000, 0)).u32(cloud.rows).u32(cloud.columns);
+    message = message.u32(cloud.fields.len() as u32);
+    for (name, offset, datatype) in cloud.fields {
+        message = message.bytes(name).u32(*offset).u8(*datatype).u32(1);
+    }
+    message.u8(0).u32(cloud.point_step).u32(cloud.row_step).bytes(cloud.data).u8(1).done()
+}
+
+#[test]
+fn clouds_that_are_no_frames_are_named_with_what_is_wrong() {
+    let check = |of: Cloud<'_>, expected: &str| {
+        let sentence = fault(POINT_CLOUD2, &[cloud(GOOD_CLOUD), cloud(of)]);
+        assert_eq!(sentence, format!("message 2 on /topic in TRIP: {expected}"));
+    };
+    check(
+        Cloud { rows: 1, columns: 4, row_step: 48, ..GOOD_CLOUD },
+        "its 4 points are in one row, not organised in rows and columns; a frame has every reading in its place",
+    );
+    check(Cloud { columns: 0, ..GOOD_CLOUD }, "it has no readings (2 × 0)");
+    check(
+        Cloud { fields: &[(b"x\0", 0, 7), (b"rgb\0", 4, 7), (b"z\0", 8, 4)], ..GOOD_CLOUD },
+        "its points have no x, y and z of FLOAT32 or FLOAT64; they have x, rgb, z",
+    );
+    check(
+        Cloud { fields: &[], ..GOOD_CLOUD },
+        "its points have no x, y and z of FLOAT32 or FLOAT64; they have no fields",
+    );
+    check(Cloud { point_step: 11, ..GOOD_CLOUD }, "its points are 11 bytes apart, but x, y and z need 12");
+    check(
+        Cloud { fields: &[(b"x\0", 0, 8), (b"y\0", 8, 8), (b"z\0", u32::MAX, 8)], ..GOOD_CLOUD },
+        "its points are 12 bytes apart, but x, y and z need 4294967303",
+    );
+    check(
+        Cloud { row_step: 23, ..GOOD_CLOUD },
+        "its rows are 23 bytes apart, but 2 pixels of 12 bytes need 24",
+    );
+    check(
+        Cloud { rows: u32::MAX, ..GOOD_CLOUD },
+        "it has 48 bytes of pixels, but 4294967295 rows of 24 bytes need 103079215080",
+    );
+}
+
+/// Numbers with these dimensions: sizes and strides.
+fn numbers(dimensions: &[(u32, u32)], offset: u32, data: &[f32]) -> Vec<u8> {
+    let mut message = Cdr::new(false).u32(dimensions.len() as u32);
+    for (size, stride) in dimensions {
+        message = message.bytes(b"\0").u32(*size).u32(*stride);
+    }
+    message.u32(offset).u32(data.len() as u32).f32s(data).done()
+}
+
+#[test]
+fn numbers_are_read_by_their_layout_or_named_with_what_is_wrong() {
+    let folder = Folder::new();
+    let counts = |message: &[u8]| {
+        let path = folder.join("trip.mcap");
+        let mut bag = Bag::create(&path);
+        let id = bag.topic("/topic", FLOAT32_MULTI_ARRAY);
+        bag.message(id, 1, message);
+        bag.finish();
+        let trip = read_whole(&path);
+        (trip.layout.rows, trip.layout.columns, trip.counts().concat())
+    };
+    let six = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+    assert_eq!(counts(&numbers(&[], 4, &six)), (1, 2, vec![5000, 6000]));
+    assert_eq!(counts(&numbers(&[(0, 0)], 0, &six)), (1, 6, vec![1000, 2000, 3000, 4000, 5000, 6000]));
+    assert_eq!(counts(&numbers(&[(2, 2)], 1, &six)), (1, 2, vec![2000, 3000]));
+    // Rows that are further apart than they are long.
+    assert_eq!(counts(&numbers(&[(2, 6), (2, 3)], 0, &six)), (2, 2, vec![1000, 2000, 4000, 5000]));
+    assert_eq!(counts(&numbers(&[(2, 6), (2, 3)], 1, &six)), (2, 2, vec![2000, 3000, 5000, 6000]));
+    let check = |message: Vec<u8>, expected: &str| {
+        assert_eq!(
+            fault(FLOAT32_MULTI_ARRAY, &[message]),
+            format!("message 1 on /topic in TRIP: {expected}")
+        );
+    };
+    check(numbers(&[(1, 1); 3], 0, &six), "its numbers have 3 dimensions; a frame has rows and columns");
+    check(
+        numbers(&[(2, 8), (4, 4)], 0, &six),
+        "it has 6 numbers, but 2 rows of 4 need 8 with what lies before and between them",
+    );
+    check(
+        numbers(&[(u32::MAX, 0), (u32::MAX, u32::MAX)], u32::MAX, &six),
+        "it has 6 numbers, but 4294967295 rows of 4294967295 need 18446744069414584320 with what lies before and between them",
+    );
+    check(numbers(&[], 7, &six), "it has no readings (1 × 0)");
+    check(numbers(&[], 0, &[]), "it has no readings (1 × 0)");
+}
+
+#[test]
+fn compressed_images_that_are_no_frames_are_named_with_what_is_wrong() {
+    let message =
+        |format: &[u8], data: &[u8]| Cdr::new(false).header((1000, 0)).bytes(format).bytes(data).done();
+    let check = |format: &[u8], data: &[u8], expected: &str| {
+        // Frames are taken from such a topic without being told only where its name says what it has.
+        let folder = Folder::new();
+        let path = folder.join("trip.mcap");
+        let mut bag = Bag::create(&path);
+        let id = bag.topic("/topic", COMPRESSED_IMAGE);
+        bag.message(id, 0, &message(format, data));
+        bag.finish();
+        let named = Selection { frames_topic: Some("/topic".to_owned()), ..Selection::default() };
+        let sentence = refusal(&path, &named);
+        let expected = format!("message 1 on /topic in {}: {expected}", path.display());
+        assert!(sentence.starts_with(&expected), "{sentence}");
+    };
+    let other = "distances are read from 16UC1 and 32FC1 as compressedDepth in PNG";
+    check(b"jpeg\0", &[0; 40], &format!("its format is 'jpeg'; {other}"));
+    check(
+        b"16UC1; compressedDepth rvl\0",
+        &[0; 40],
+        &format!("its format is '16UC1; compressedDepth rvl'; {other}"),
+    );
+    check(b"8UC1; compressedDepth\0", &[0; 40], &format!("its format is '8UC1; compressedDepth'; {other}"));
+    check(b"16UC1; compressedDepth\0", &[0; 11], "its ");
+    check(b"16UC1; compressedDepth\0", &[0; 40], "its PNG cannot be read: ");
+    // What claims 2³¹ × 2³¹ pixels is refused before any is held.
+    let mut claims = vec![0; 12];
+    claims.extend(b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\x7f\xff\xff\xff\x7f\xff\xff\xff\x10\0\0\0\0");
+    claims.extend([0; 20]);
+    check(b"16UC1; compressedDepth\0", &claims, "its PNG cannot be read: ");
 }

@@ -79,7 +79,7 @@ fn printed(bag: &Path) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-fn rosbags_is_here() -> bool {
+pub(crate) fn rosbags_is_here() -> bool {
     let probe = Command::new("python3").args(["-c", "import rosbags.highlevel"]).output();
     let here = probe.is_ok_and(|output| output.status.success());
     if !here {

@@ -1,0 +1,405 @@
+//! A ROS 1 bag's records (format 2.0), from the first to the last whole one, in the order of the file.
+//!
+//! A record is a header of named fields and data, each after its length. Messages stand in chunks, which have no
+//! checksums; connections, which say what topic and type messages are of, stand before their first message, and once more
+//! at the end of a bag that was closed, with what is in each chunk. Memory holds one chunk, compressed and not; lengths are
+//! believed only as far as the file goes. Layout: <https://wiki.ros.org/Bags/Format/2.0>.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use crate::TripError;
+use crate::catalogue::Catalogue;
+use crate::chunk::{self, ChunkFault};
+use crate::record::{Fields, Record};
+use crate::recording::{End, MAX_RECORD_BYTES, NO_RECORD, TOO_LONG, io_error};
+
+/// How these files begin.
+pub(crate) const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
+
+/// Bytes of a record's header. Those of connections, the longest, have a topic's name in them.
+const MAX_HEADER_BYTES: u32 = 1 << 20;
+
+/// Bytes of the index at the end that are read into memory.
+const MAX_INDEX_BYTES: u64 = 64 << 20;
+
+/// What records are, by their field `op`.
+mod op {
+    pub(super) const MESSAGE: u8 = 2;
+    pub(super) const BAG_HEADER: u8 = 3;
+    pub(super) const INDEX: u8 = 4;
+    pub(super) const CHUNK: u8 = 5;
+    pub(super) const CHUNK_INFO: u8 = 6;
+    pub(super) const CONNECTION: u8 = 7;
+}
+
+/// A ROS 1 bag being read.
+pub(crate) struct Ros1Bag {
+    path: PathBuf,
+    file: BufReader<File>,
+    n_bytes: u64,
+    /// Where the index begins, by the bag's own word; the end of the file if that cannot be.
+    index_at_byte: u64,
+    /// The channels and numbers of messages that a whole index names: the bag was closed.
+    index: Option<Catalogue>,
+    /// Where in the file the next record begins.
+    at_byte: u64,
+    header: Vec<u8>,
+    data: Vec<u8>,
+    /// The records of the chunk being read, or one record that stands outside of chunks.
+    records: Vec<u8>,
+    next_in_records: usize,
+    records_at_byte: u64,
+    /// Whether of the next connection the type was told, and its topic was not.
+    type_is_told: bool,
+    end: Option<End>,
+}
+
+impl Ros1Bag {
+    /// Takes a file and looks at its two ends.
+    pub(crate) fn new(path: &Path, file: File, n_bytes: u64) -> Result<Ros1Bag, TripError> {
+        let mut bag = Ros1Bag {
+            path: path.to_owned(),
+            file: BufReader::with_capacity(256 << 10, file),
+            n_bytes,
+            index_at_byte: n_bytes,
+            index: None,
+            at_byte: 0,
+            header: Vec::new(),
+            data: Vec::new(),
+            records: Vec::new(),
+            next_in_records: 0,
+            records_at_byte: 0,
+            type_is_told: false,
+            end: None,
+        };
+        bag.rewind()?;
+        if bag.read_header()?.is_ok()
+            && let Some(BagHeader { index_pos, n_connections, n_chunks }) = BagHeader::parse(&bag.header)
+            && (MAGIC.len() as u64..n_bytes).contains(&index_pos)
+        {
+            bag.index_at_byte = index_pos;
+            if n_bytes - index_pos <= MAX_INDEX_BYTES {
+                let mut bytes = Vec::new();
+                bag.file.seek(SeekFrom::Start(index_pos)).map_err(io_error(path))?;
+                (&mut bag.file).take(MAX_INDEX_BYTES).read_to_end(&mut bytes).map_err(io_error(path))?;
+                bag.index = parse_index(&bytes, n_connections, n_chunks);
+            }
+        }
+        bag.rewind()?;
+        Ok(bag)
+    }
+
+    pub(crate) fn rewind(&mut self) -> Result<(), TripError> {
+        let at_byte = MAGIC.len() as u64;
+        self.file.seek(SeekFrom::Start(at_byte)).map_err(io_error(&self.path))?;
+        self.at_byte = at_byte;
+        self.records.clear();
+        self.next_in_records = 0;
+        self.type_is_told = false;
+        self.end = None;
+        Ok(())
+    }
+
+    pub(crate) fn next_record(&mut self) -> Result<Option<Record<'_>>, TripError> {
+        while self.next_in_records == self.records.len() {
+            if self.end.is_some() || !self.load()? {
+                return Ok(None);
+            }
+        }
+        let damaged = || TripError::Damaged {
+            path: self.path.clone(),
+            at_byte: self.records_at_byte,
+            what: "a record there is shorter than what it says it holds".to_owned(),
+        };
+        let (header, data, n_bytes) =
+            first_record(&self.records[self.next_in_records..]).ok_or_else(damaged)?;
+        let [schema, record] = parse(header, data).ok_or_else(damaged)?;
+        if let (Some(schema), false) = (schema, self.type_is_told) {
+            self.type_is_told = true;
+            return Ok(Some(schema));
+        }
+        self.type_is_told = false;
+        self.next_in_records += n_bytes;
+        Ok(Some(record.unwrap_or(Record::Other)))
+    }
+
+    pub(crate) fn catalogue(&mut self) -> Result<Option<Catalogue>, TripError> {
+        Ok(self.index.clone())
+    }
+
+    pub(crate) fn end(&self) -> Option<End> {
+        self.end
+    }
+
+    pub(crate) fn is_closed(&self) -> bool {
+        self.index.is_some()
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(crate) fn at_byte(&self) -> u64 {
+        self.at_byte
+    }
+
+    pub(crate) fn n_bytes(&self) -> u64 {
+        self.n_bytes
+    }
+
+    pub(crate) fn n_bytes_read(&self) -> u64 {
+        self.at_byte
+    }
+
+    /// Fills `records` with what comes next; false at the end.
+    fn load(&mut self) -> Result<bool, TripError> {
+        loop {
+            if self.at_byte == self.index_at_byte && self.index_at_byte < self.n_bytes {
+                self.end = Some(End::Closed);
+                return Ok(false);
+            }
+            let data_bytes = match self.read_header()? {
+                Ok(data_bytes) => data_bytes,
+                Err(what) => return self.stop_short(what),
+            };
+            let next_at_byte = self.at_byte + (4 + self.header.len() + 4) as u64 + data_bytes;
+            if next_at_byte > self.n_bytes {
+                return self.stop_short(TOO_LONG);
+            }
+            if data_bytes > MAX_RECORD_BYTES {
+                return Err(self.too_large(data_bytes, MAX_RECORD_BYTES));
+            }
+            match field(&self.header, b"op") {
+                Some(&[op::CHUNK]) => {
+                    self.read_data(data_bytes)?;
+                    let of = (field(&self.header, b"compression"), u32_field(&self.header, b"size"));
+                    let (Some(compression), Some(size)) = of else { return self.stop_short(NO_RECORD) };
+                    if size == 0 && data_bytes == 0 {
+                        // A recorder was killed before it knew them. What is in the chunk stands after it.
+                        self.at_byte = next_at_byte;
+                        continue;
+                    }
+                    match chunk::open_ros1(compression, size.into(), &self.data, &mut self.records) {
+                        Ok(()) => return Ok(self.loaded(next_at_byte)),
+                        Err(fault) => return self.chunk_failed(next_at_byte, fault),
+                    }
+                }
+                // Messages outside of chunks are those of a recorder that was killed: it writes a chunk's length at its end.
+                Some(&[op::CONNECTION | op::MESSAGE]) => {
+                    self.read_data(data_bytes)?;
+                    self.records.clear();
+                    for part in [&self.header, &self.data] {
+                        self.records.extend((part.len() as u32).to_le_bytes());
+                        self.records.extend(part);
+                    }
+                    return Ok(self.loaded(next_at_byte));
+                }
+                Some(&[op::BAG_HEADER | op::INDEX | op::CHUNK_INFO]) => {
+                    // At most 4 GiB.
+                    self.file.seek_relative(data_bytes as i64).map_err(io_error(&self.path))?;
+                    self.at_byte = next_at_byte;
+                }
+                _ => return self.stop_short(NO_RECORD),
+            }
+        }
+    }
+
+    /// Reads the header of the record at `at_byte`, and gives the length of the data after it; or what is wrong there.
+    fn read_header(&mut self) -> Result<Result<u64, &'static str>, TripError> {
+        let n_left = self.n_bytes - self.at_byte;
+        let Some(header_bytes) = self.read_length(n_left)? else { return Ok(Err(TOO_LONG)) };
+        if header_bytes > MAX_HEADER_BYTES {
+            return Ok(Err(NO_RECORD));
+        }
+        if u64::from(header_bytes) + 8 > n_left {
+            return Ok(Err(TOO_LONG));
+        }
+        self.header.resize(header_bytes as usize, 0);
+        self.file.read_exact(&mut self.header).map_err(io_error(&self.path))?;
+        let data_bytes = self.read_length(n_left)?;
+        Ok(data_bytes.map(u64::from).ok_or(TOO_LONG))
+    }
+
+    fn read_length(&mut self, n_left: u64) -> Result<Option<u32>, TripError> {
+        if n_left < 4 {
+            return Ok(None);
+        }
+        let mut bytes = [0; 4];
+        match self.file.read_exact(&mut bytes) {
+            Ok(()) => Ok(Some(u32::from_le_bytes(bytes))),
+            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(None),
+            Err(error) => Err(io_error(&self.path)(error)),
+        }
+    }
+
+    /// * `n_bytes` — that the file has
+    fn read_data(&mut self, n_bytes: u64) -> Result<(), TripError> {
+        self.data.resize(n_bytes as usize, 0);
+        self.file.read_exact(&mut self.data).map_err(io_error(&self.path))
+    }
+
+    fn loaded(&mut self, next_at_byte: u64) -> bool {
+        self.records_at_byte = self.at_byte;
+        self.at_byte = next_at_byte;
+        self.next_in_records = 0;
+        true
+    }
+
+    /// The record at `at_byte` is not whole: the end of a bag that was cut off, damage in any other.
+    fn stop_short(&mut self, what: &str) -> Result<bool, TripError> {
+        self.records.clear();
+        self.next_in_records = 0;
+        if self.is_closed() {
+            return Err(self.damaged(what.to_owned()));
+        }
+        self.end = Some(End::CutOff);
+        Ok(false)
+    }
+
+    fn chunk_failed(&mut self, next_at_byte: u64, fault: ChunkFault) -> Result<bool, TripError> {
+        self.records.clear();
+        self.next_in_records = 0;
+        match fault {
+            ChunkFault::Damaged { what } if next_at_byte == self.n_bytes => self.stop_short(&what),
+            ChunkFault::Damaged { what } => Err(self.damaged(what)),
+            ChunkFault::TooLarge { n_bytes } => Err(self.too_large(n_bytes, chunk::MAX_CHUNK_BYTES)),
+            ChunkFault::UnsupportedCompression { name } => Err(TripError::UnsupportedCompression {
+                path: self.path.clone(),
+                at_byte: self.at_byte,
+                name,
+                supported: "bz2, lz4 and none",
+            }),
+        }
+    }
+
+    fn damaged(&self, what: String) -> TripError {
+        TripError::Damaged { path: self.path.clone(), at_byte: self.at_byte, what }
+    }
+
+    fn too_large(&self, n_bytes: u64, limit: u64) -> TripError {
+        TripError::TooLarge { path: self.path.clone(), at_byte: self.at_byte, n_bytes, limit }
+    }
+}
+
+/// What the first record of a bag says.
+struct BagHeader {
+    /// 0: the bag was not closed.
+    index_pos: u64,
+    n_connections: u32,
+    n_chunks: u32,
+}
+
+impl BagHeader {
+    fn parse(header: &[u8]) -> Option<BagHeader> {
+        let index_pos = u64::from_le_bytes(field(header, b"index_pos")?.try_into().ok()?);
+        let (n_connections, n_chunks) =
+            (u32_field(header, b"conn_count")?, u32_field(header, b"chunk_count")?);
+        Some(BagHeader { index_pos, n_connections, n_chunks })
+    }
+}
+
+/// The connections of an index, and how many messages each has in all chunks; `None` if it does not have what the bag's
+/// header says, to the end of the file.
+fn parse_index(mut bytes: &[u8], n_connections: u32, n_chunks: u32) -> Option<Catalogue> {
+    let mut catalogue = Catalogue::default();
+    let (mut n_connections_found, mut n_chunks_found) = (0, 0);
+    while !bytes.is_empty() {
+        let (header, data, n_bytes) = first_record(bytes)?;
+        match *field(header, b"op")? {
+            [op::CONNECTION] => {
+                parse(header, data)?.iter().flatten().for_each(|record| catalogue.add(record));
+                n_connections_found += 1;
+            }
+            [op::CHUNK_INFO] => {
+                let mut counts = Fields(data);
+                while !counts.0.is_empty() {
+                    catalogue.add_n_messages(counts.u32()?, counts.u32()?.into());
+                }
+                n_chunks_found += 1;
+            }
+            _ => return None,
+        }
+        bytes = &bytes[n_bytes..];
+    }
+    ((n_connections_found, n_chunks_found) == (n_connections, n_chunks)).then_some(catalogue)
+}
+
+/// The record at the beginning of `bytes`: header, data, and how many bytes it takes in all; `None` where it is not whole.
+fn first_record(bytes: &[u8]) -> Option<(&[u8], &[u8], usize)> {
+    let mut fields = Fields(bytes);
+    let (header, data) = (fields.prefixed()?, fields.prefixed()?);
+    Some((header, data, 4 + header.len() + 4 + data.len()))
+}
+
+/// What a record says, of a connection in two parts; `None` if something in it is missing.
+fn parse<'a>(header: &'a [u8], data: &'a [u8]) -> Option<[Option<Record<'a>>; 2]> {
+    Some(match *field(header, b"op")? {
+        [op::CONNECTION] => {
+            let id = u32_field(header, b"conn")?;
+            let definition = field(data, b"message_definition").unwrap_or_default();
+            let (name, encoding) = (field(data, b"type")?, &b"ros1msg"[..]);
+            let channel = Record::Channel {
+                id,
+                schema_id: id,
+                topic: field(header, b"topic")?,
+                message_encoding: b"ros1",
+                metadata: b"",
+            };
+            [Some(Record::Schema { id, name, encoding, definition }), Some(channel)]
+        }
+        [op::MESSAGE] => {
+            let mut time = Fields(field(header, b"time")?);
+            let log_time = u64::from(time.u32()?) * 1_000_000_000 + u64::from(time.u32()?);
+            let channel_id = u32_field(header, b"conn")?;
+            let message = Record::Message { channel_id, sequence: 0, log_time, publish_time: log_time, data };
+            [None, Some(message)]
+        }
+        _ => [None, None],
+    })
+}
+
+/// The value of a field, of fields `name=value` that each stand after their length.
+fn field<'a>(fields: &'a [u8], name: &[u8]) -> Option<&'a [u8]> {
+    let mut fields = Fields(fields);
+    loop {
+        let value = fields.prefixed()?.strip_prefix(name).and_then(|rest| rest.strip_prefix(b"="));
+        if value.is_some() {
+            return value;
+        }
+    }
+}
+
+fn u32_field(fields: &[u8], name: &[u8]) -> Option<u32> {
+    Some(u32::from_le_bytes(field(fields, name)?.try_into().ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_parsed_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            let _ = parse(&bytes, &bytes);
+            let _ = parse_index(&bytes, 1, 1);
+            if let Some((header, data, n_bytes)) = first_record(&bytes) {
+                prop_assert_eq!(header.len() + data.len() + 8, n_bytes);
+            }
+        }
+    }
+
+    #[test]
+    fn a_field_is_found_by_its_whole_name() {
+        let fields =
+            [&[6, 0, 0, 0][..], b"conn=1", &[7, 0, 0, 0], b"connx=2", &[3, 0, 0, 0], b"a==", &[255; 4]];
+        let fields = fields.concat();
+        assert_eq!(field(&fields, b"conn"), Some(&b"1"[..]));
+        assert_eq!(field(&fields, b"connx"), Some(&b"2"[..]));
+        assert_eq!(field(&fields, b"a"), Some(&b"="[..]));
+        assert_eq!(field(&fields, b"op"), None, "the last length lies");
+    }
+}
