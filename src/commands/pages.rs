@@ -12,7 +12,7 @@ pub(crate) fn run(arguments: &PagesArguments) -> Result<(), Failure> {
     let output = &arguments.output;
     let failed = |error| Failure::file("write pages into", output, &error);
     // Global flags and usage lines are known to subcommands only once it is built.
-    let mut command = Cli::command();
+    let mut command = Cli::command().disable_help_subcommand(true);
     command.build();
     let manual = folder(output, "man")?;
     clap_mangen::generate_to(command.clone(), &manual).map_err(failed)?;

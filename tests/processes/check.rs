@@ -141,7 +141,7 @@ fn what_is_wrong_is_said_with_file_line_column_and_what_was_perhaps_meant() {
             "it begins with Serv of Serve, Publish, Record, Train, Faults, Realtime, so nobody knows what it is for; write one \
              before its first bracket, or say it with --as",
         ),
-        ("Serve(", "line 1, column 7: Unexpected end of RON"),
+        ("Serve(", "line 1, column 6: Unexpected end of RON"),
     ] {
         robot.write("wrong.ron", text);
         robot.refuse(&["check", "wrong.ron"], 2, &format!("configuration wrong.ron: {words}"));
