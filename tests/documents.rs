@@ -81,6 +81,19 @@ fn headings_of_the_troubleshooting_page_are_what_the_sources_say() {
     assert!(!is_said("frames are late: … in the last second"), "what is not said is found to be so");
 }
 
+#[test]
+fn readme_begins_on_the_robot_as_the_tested_page_does() {
+    let commands = |page: &str, heading: &str| -> Vec<String> {
+        let page = read(page);
+        let (_, section) = page.split_once(&format!("\n## {heading}\n")).unwrap();
+        let (_, block) = section.split_once("```console\n").unwrap();
+        block.lines().take_while(|line| *line != "```").map(str::to_string).collect()
+    };
+    let tested = commands("deploy/README.md", "Try it, without a robot");
+    assert_eq!(commands("README.md", "On the robot"), tested);
+    assert!(tested.len() > 3 && tested.iter().all(|line| line.starts_with("$ ")));
+}
+
 /// The package's units, as they are when the program is where it was built. None where there is no systemd.
 fn units(folder: &Path) -> Option<Vec<PathBuf>> {
     if Command::new("systemd-analyze").arg("--version").output().is_err() {

@@ -108,7 +108,7 @@ impl PublishConfig {
 
     pub(crate) fn plan(self) -> Result<PublishPlan, Failure> {
         let source = self.source()?;
-        let faults = self.faults.map(|given| read_faults(given)).transpose()?;
+        let faults = self.faults.map(read_faults).transpose()?;
         Ok(PublishPlan {
             source,
             sensor: self.sensor.ok_or_else(|| not_said("which sensor to publish it as", "sensor"))?,

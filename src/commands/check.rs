@@ -10,8 +10,8 @@ use kinds_trainer::Config;
 use crate::cli::{CheckArguments, PublishConfig, RecordConfig, ServeConfig, Sort};
 use crate::failure::Failure;
 use crate::realtime::Realtime;
-use crate::ron_file;
 use crate::say::say;
+use crate::{log, ron_file};
 
 pub(crate) fn run(arguments: &CheckArguments) -> Result<(), Failure> {
     let mut failures = Vec::new();
@@ -21,18 +21,11 @@ pub(crate) fn run(arguments: &CheckArguments) -> Result<(), Failure> {
             Err(failure) => failures.push(failure),
         }
     }
-    match failures.len() {
-        0 => Ok(()),
-        // A file that says what cannot be is worse than one that is not there.
-        _ => {
-            let words: Vec<_> = failures.iter().map(ToString::to_string).collect();
-            let words = words.join("\nkinds: ");
-            match failures.iter().any(|failure| matches!(failure, Failure::AskedWrongly(_))) {
-                true => Err(Failure::AskedWrongly(words)),
-                false => Err(Failure::CouldNot(words)),
-            }
-        }
-    }
+    // A file that says what cannot be is worse than one that is not there: its exit code counts.
+    failures.sort_by_key(|failure| matches!(failure, Failure::AskedWrongly(_)));
+    let worst = failures.pop();
+    failures.iter().for_each(log::failure);
+    worst.map_or(Ok(()), Err)
 }
 
 /// The flag that takes such a file.
@@ -57,12 +50,30 @@ fn check(path: &Path, sort: Option<Sort>) -> Result<Sort, Failure> {
         Sort::Faults => ron_file::parse::<Faults>(&text).and_then(|faults| said(faults.check())),
         Sort::Realtime => ron_file::parse::<Realtime>(&text).map(drop),
     }
-    .map_err(wrong)?;
+    .map_err(|words| wrong(placed(&text, words)))?;
     Ok(sort)
 }
 
 fn said<T>(checked: Result<T, impl Display>) -> Result<(), String> {
     checked.map(drop).map_err(|error| error.to_string())
+}
+
+/// Words on a field's value with the field's place, where they begin with it as in "kinds is 65; …".
+fn placed(text: &str, words: String) -> String {
+    let Some((field, _)) = words.split_once(" is ") else { return words };
+    let is_of_name = |c: char| c.is_alphanumeric() || c == '_';
+    for (line, number) in text.lines().zip(1..) {
+        let code = line.split("//").next().unwrap_or_default();
+        let found = code.match_indices(field).find(|(at, _)| {
+            let (before, after) = (&code[..*at], &code[at + field.len()..]);
+            !before.ends_with(is_of_name) && after.trim_start().starts_with(':')
+        });
+        if let Some((at, _)) = found {
+            let column = code[..at].chars().count() + 1;
+            return format!("line {number}, column {column}: {words}");
+        }
+    }
+    words
 }
 
 /// What a file says that it is for.

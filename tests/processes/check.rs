@@ -130,8 +130,13 @@ fn what_is_wrong_is_said_with_file_line_column_and_what_was_perhaps_meant() {
         ("Serve(sensor: \"a\")", "say which model to serve: with model in the configuration, or --model"),
         ("Record(sensor: \"a\")", "say where to record to: with output in the configuration, or --output"),
         ("Publish(sensor: \"a\")", "say what to publish: with trip in the configuration, or --trip"),
-        ("Train(kinds: 65)", "kinds is 65; it must be between 1 and 64"),
-        ("Faults(drop: 2)", "drop is 2; it must be between 0 and 1"),
+        (
+            "Train(\n    // kinds: 65,\n    kinds_by: dirichlet,\n    covariance: tied,\n)",
+            "line 3, column 5: kinds_by is dirichlet and covariance is tied: a Dirichlet process has kinds with full covariances; \
+             leave out covariance, or choose by bic_neff or held_out",
+        ),
+        ("Train(frames: 50, kinds: 65)", "line 1, column 19: kinds is 65; it must be between 1 and 64"),
+        ("Faults(\n  drop: 2)", "line 2, column 3: drop is 2; it must be between 0 and 1"),
         (
             "Serve(realtime: (prioritty: 3))",
             "line 1, column 18: there is no field prioritty; did you mean priority?",
