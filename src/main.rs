@@ -12,13 +12,16 @@ mod csv;
 mod failure;
 mod log;
 mod model_file;
+mod notify;
 mod owner;
 mod progress;
 mod realtime;
 mod report_folder;
+mod ron_file;
 mod say;
 mod stop;
 mod trip_file;
+mod user;
 mod whole_file;
 
 use std::process::ExitCode;
@@ -58,5 +61,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Replay(arguments) => commands::replay::run(&arguments),
         Verb::Doctor(arguments) => commands::doctor::run(&arguments),
         Verb::Trips(arguments) => commands::trips::run(&arguments),
+        Verb::Check(arguments) => commands::check::run(&arguments),
+        Verb::Pages(arguments) => commands::pages::run(&arguments),
     }
 }

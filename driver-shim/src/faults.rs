@@ -110,7 +110,11 @@ impl Faults {
         Ok(faults)
     }
 
-    fn check(&self) -> Result<(), FaultsError> {
+    /// Checks every number against its limits.
+    ///
+    /// # Errors
+    /// With field, value and limit.
+    pub fn check(&self) -> Result<(), FaultsError> {
         const DELAY_MS_MAX: f64 = 60_000.0;
         let shares = self.shares().map(|(_, field, share)| (field, share, 1.0));
         for (field, value, most) in shares.into_iter().chain([("delay_ms", self.delay_ms, DELAY_MS_MAX)]) {

@@ -13,7 +13,7 @@ pub const FOLLOW_WINDOW: u64 = kinds_messages::FRAME_BUFFER as u64 / 2;
 
 /// Longest time between two looks at the stop flag and at who came and went.
 pub(crate) const TICK: Duration = Duration::from_millis(50);
-/// How often what killed programs left is looked for.
+/// How often what killed programs left is looked for, and how often it is told that the loop turns.
 const CLEAN_UP_PERIOD: Duration = Duration::from_secs(1);
 /// Silence of a service that is worth a notice, and that ends the wait for its last reports.
 const SILENCE: Duration = Duration::from_secs(2);
@@ -38,6 +38,8 @@ pub(crate) struct Traffic {
     follower: Option<Follower>,
     node: Node,
     last_clean_up: Instant,
+    /// Told about once a second that the loop turns.
+    listener: Option<Box<dyn FnMut()>>,
     /// Said already, and still so.
     told_waiting: bool,
     told_silent: bool,
@@ -55,9 +57,14 @@ impl Traffic {
             follower,
             node: node.clone(),
             last_clean_up: Instant::now(),
+            listener: None,
             told_waiting: false,
             told_silent: false,
         })
+    }
+
+    pub(crate) fn listen_to_turns(&mut self, listener: Box<dyn FnMut()>) {
+        self.listener = Some(listener);
     }
 
     /// Frames left unreported by services that went or fell silent, if services are followed.
@@ -170,10 +177,14 @@ impl Traffic {
         Ok(())
     }
 
+    /// Called in every turn of every loop; does something about once a second.
     pub(crate) fn clean_up(&mut self) {
         if self.last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
             self.node.clean_up_dead_nodes();
             self.last_clean_up = Instant::now();
+            if let Some(listener) = &mut self.listener {
+                listener();
+            }
         }
     }
 }

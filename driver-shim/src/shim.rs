@@ -87,6 +87,12 @@ impl<S: Sensor> Shim<S> {
         })
     }
 
+    /// Tells a function about once a second that the loop turns: in the loop, so it must not wait. A device that hangs keeps it
+    /// from being told, one that only has no frame does not.
+    pub fn listen_to_turns(&mut self, listener: impl FnMut() + 'static) {
+        self.traffic.listen_to_turns(Box::new(listener));
+    }
+
     /// The device, for what it has to say at its end.
     pub fn device(&self) -> &S {
         &self.device

@@ -1,25 +1,34 @@
 //! What can be asked of the program.
 
+mod check;
 mod evaluate;
+mod publish;
+mod record;
+mod serve;
 mod train;
 mod trips;
 
-use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
-use kinds_driver_shim::Pace;
-use kinds_driver_shim::simulated::Floor;
+use clap::{Args, Parser, Subcommand};
 use kinds_messages::{Domain, SensorName};
 use kinds_trips::Selection;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
+pub(crate) use self::check::{CheckArguments, Sort};
 pub(crate) use self::evaluate::EvaluateArguments;
+pub(crate) use self::publish::{PublishArguments, PublishConfig, PublishPlan, RobotName, SourcePlan};
+pub(crate) use self::record::{RecordArguments, RecordConfig, RecordPlan};
+pub(crate) use self::serve::{ServeArguments, ServeConfig, ServePlan};
 pub(crate) use self::train::TrainArguments;
 pub(crate) use self::trips::{ConvertArguments, InfoArguments, RecoverArguments, TripsArguments, TripsVerb};
+use crate::failure::Failure;
 use crate::log::Format;
 use crate::owner::Joined;
+use crate::{ron_file, user};
 
 /// Tells a robot, in microseconds and without labels, what kind of place its raw sensors are in.
 #[derive(Debug, Parser)]
@@ -48,7 +57,15 @@ pub(crate) struct DomainArguments {
 }
 
 impl DomainArguments {
-    pub(crate) fn domain(&self) -> Domain {
+    /// The domain, unless it is another user's.
+    pub(crate) fn domain(&self) -> Result<Domain, Failure> {
+        let domain = self.whosever();
+        user::check_owner_of(&domain.root)?;
+        Ok(domain)
+    }
+
+    /// The domain, to look at it from outside.
+    pub(crate) fn whosever(&self) -> Domain {
         self.domain.as_deref().map_or_else(Domain::default, Domain::in_folder)
     }
 }
@@ -64,8 +81,8 @@ pub(crate) struct OwnableDomainArguments {
 }
 
 impl OwnableDomainArguments {
-    pub(crate) fn join(&self, stop: &Arc<AtomicBool>) -> Joined {
-        Joined::new(self.arguments.domain(), self.owned, stop)
+    pub(crate) fn join(&self, stop: &Arc<AtomicBool>) -> Result<Joined, Failure> {
+        Ok(Joined::new(self.arguments.domain()?, self.owned, stop))
     }
 }
 
@@ -80,7 +97,7 @@ pub(crate) enum Verb {
     /// Say what is in a model
     Inspect(InspectArguments),
     /// Publish the frames of a sensor into shared memory
-    Publish(PublishArguments),
+    Publish(Box<PublishArguments>),
     /// Classify every frame of a sensor and publish its kind
     Serve(ServeArguments),
     /// Give a running service another model, without a gap: the old one serves until the new one is ready
@@ -97,6 +114,11 @@ pub(crate) enum Verb {
     Doctor(DoctorArguments),
     /// Look into recorded trips, convert them, and save what is whole of damaged ones
     Trips(TripsArguments),
+    /// Say whether configuration files are right, and where they are not
+    Check(CheckArguments),
+    /// Write the pages of the manual and what shells complete into a folder, for whoever makes a package
+    #[command(hide = true)]
+    Pages(PagesArguments),
 }
 
 #[derive(Args, Debug)]
@@ -110,7 +132,8 @@ pub(crate) struct DemoArguments {
 }
 
 /// What to read of a trip.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub(crate) struct ReadingArguments {
     /// Topic of the frames, or several with single ranges (sensor_msgs/Range) and commas between them [default: the only one
     /// that fits, or all single ranges; `kinds trips info` shows what there is]
@@ -138,74 +161,16 @@ pub(crate) struct InspectArguments {
 }
 
 #[derive(Args, Debug)]
-pub(crate) struct PublishArguments {
-    /// Recorded trip to replay; with --simulate, which of the robot's trips to drive: a number
-    #[arg(long, required_unless_present = "simulate")]
-    pub(crate) trip: Option<PathBuf>,
-    /// Drive a simulated robot instead
-    #[arg(long, value_enum, value_name = "ROBOT")]
-    pub(crate) simulate: Option<RobotName>,
-    /// Where Crunch drives: fourth-floor or fifth-floor [default: fourth-floor]
-    #[arg(long, requires = "simulate")]
-    pub(crate) world: Option<Floor>,
-    /// Seed of everything random about the simulated robot and its world
-    #[arg(long, requires = "simulate", default_value_t = 0, value_name = "N")]
-    pub(crate) seed: u64,
-    /// Sensor to publish it as, such as crunch/ring
-    #[arg(long, value_name = "NAME")]
-    pub(crate) sensor: SensorName,
-    /// Multiple of the recorded or real pace, or max: as fast as the service follows
-    #[arg(long, default_value = "1", value_name = "X|max")]
-    pub(crate) speed: Pace,
-    /// Lose nothing: wait for a service, and go no faster than it reports (as --speed max always does)
-    #[arg(long)]
-    pub(crate) follow: bool,
-    /// Spoil some frames, to see what the others make of it: how often each fault befalls one is in this file, such as
-    /// (seed: 7, drop: 0.01, repeat: 0.01, reorder: 0.01, delay: 0.01, delay_ms: 300, flip_bit: 0.01, invalid: 0.01,
-    /// wrong_length: 0.01)
-    #[arg(long, value_name = "FAULTS.ron")]
-    pub(crate) faults: Option<PathBuf>,
-    #[command(flatten)]
-    reading: ReadingArguments,
-    #[command(flatten)]
-    pub(crate) domain: OwnableDomainArguments,
-}
-
-#[derive(Args, Debug)]
-pub(crate) struct ServeArguments {
-    /// The model
-    #[arg(long, value_name = "M.kinds")]
-    pub(crate) model: PathBuf,
-    /// Sensor to serve, such as crunch/ring
-    #[arg(long, value_name = "NAME")]
-    pub(crate) sensor: SensorName,
-    /// Look for frames all the time instead of sleeping until one comes: reports come sooner, and one processor core is
-    /// never free
-    #[arg(long)]
-    pub(crate) busy_poll: bool,
-    /// Keep the model and all else that serving touches in memory, where the system allows it: without, what is not used
-    /// for long may be paged out, and the next frame waits for it
-    #[arg(long)]
-    pub(crate) lock_memory: bool,
-    /// Processors, priority and memory to ask the system for, in a file such as
-    /// (cpus: [2, 3], priority: 50, lock_memory: true): what is not allowed is told, and served without
-    #[arg(long, value_name = "FILE.ron")]
-    pub(crate) realtime: Option<PathBuf>,
-    /// Serve counters and latencies to Prometheus at http://ADDR/metrics, such as 127.0.0.1:9184
-    #[arg(long, value_name = "ADDR")]
-    pub(crate) metrics: Option<SocketAddr>,
-    #[command(flatten)]
-    pub(crate) domain: OwnableDomainArguments,
-}
-
-#[derive(Args, Debug)]
 pub(crate) struct ReloadArguments {
+    /// Configuration of the service: its sensor is meant, and its model is taken into use; a flag overrides a field
+    #[arg(long, value_name = "FILE.ron")]
+    config: Option<PathBuf>,
     /// Sensor whose service is meant, such as crunch/ring
-    #[arg(long, value_name = "NAME")]
-    pub(crate) sensor: SensorName,
+    #[arg(long, required_unless_present = "config", value_name = "NAME")]
+    sensor: Option<SensorName>,
     /// The model to take into use [default: the file in use, read again, as SIGHUP asks for too]
     #[arg(long, value_name = "M.kinds")]
-    pub(crate) model: Option<PathBuf>,
+    model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) domain: DomainArguments,
 }
@@ -231,21 +196,6 @@ pub(crate) struct WatchArguments {
     #[arg(long)]
     pub(crate) json: bool,
     /// End after this many reports
-    #[arg(long, value_name = "N")]
-    pub(crate) count: Option<u64>,
-    #[command(flatten)]
-    pub(crate) domain: DomainArguments,
-}
-
-#[derive(Args, Debug)]
-pub(crate) struct RecordArguments {
-    /// Sensor to record, such as crunch/ring
-    #[arg(long, value_name = "NAME")]
-    pub(crate) sensor: SensorName,
-    /// ROS 2 bag (MCAP) to write: it must not be there yet
-    #[arg(long, short, value_name = "TRIP.mcap")]
-    pub(crate) output: PathBuf,
-    /// End after this many frames [default: at SIGINT or SIGTERM]
     #[arg(long, value_name = "N")]
     pub(crate) count: Option<u64>,
     #[command(flatten)]
@@ -287,6 +237,13 @@ pub(crate) struct DoctorArguments {
     pub(crate) domain: DomainArguments,
 }
 
+#[derive(Args, Debug)]
+pub(crate) struct PagesArguments {
+    /// Folder to write to; made if it is not there
+    #[arg(value_name = "DIR")]
+    pub(crate) output: PathBuf,
+}
+
 /// A time that somebody may wait.
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds: f64 = text.parse().map_err(|_| "it is not a number".to_owned())?;
@@ -296,16 +253,44 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A simulated robot.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum RobotName {
-    /// Small and round, with eight sonars and eight infrared sensors, in an office building
-    Crunch,
-    /// Large, with six wheels and a time-of-flight camera, outdoors on a campus
-    Chew,
+/// What flags and a configuration say together.
+fn configured<C: DeserializeOwned>(
+    config: Option<&Path>,
+    flags: C,
+    overridden_by: fn(C, C) -> C,
+) -> Result<C, Failure> {
+    match config {
+        Some(path) => Ok(overridden_by(ron_file::read("configuration", path)?, flags)),
+        None => Ok(flags),
+    }
+}
+
+/// Something that neither flags nor configuration say, and without which nothing can be done.
+fn not_said(what: &str, field: &str) -> Failure {
+    Failure::AskedWrongly(format!("say {what}: with {field} in the configuration, or --{field}"))
+}
+
+impl ReloadArguments {
+    /// The sensor whose service is meant, and the model if one is named.
+    pub(crate) fn asked(&self) -> Result<(SensorName, Option<PathBuf>), Failure> {
+        let flags =
+            ServeConfig { model: self.model.clone(), sensor: self.sensor.clone(), ..ServeConfig::default() };
+        let config = configured(self.config.as_deref(), flags, ServeConfig::overridden_by)?;
+        let sensor = config.sensor.ok_or_else(|| not_said("which service is meant", "sensor"))?;
+        Ok((sensor, config.model))
+    }
 }
 
 impl ReadingArguments {
+    fn overridden_by(self, over: Self) -> Self {
+        Self {
+            frames_topic: over.frames_topic.or(self.frames_topic),
+            poses_topic: over.poses_topic.or(self.poses_topic),
+            commands_topic: over.commands_topic.or(self.commands_topic),
+            metres_per_count: over.metres_per_count.or(self.metres_per_count),
+        }
+    }
+
     /// What to read of a trip, in the unit of a model's sensor if none is given.
     fn selection(&self, metres_per_count: Option<f64>) -> Selection {
         let usual = Selection::default();
@@ -321,12 +306,6 @@ impl ReadingArguments {
 impl ReplayArguments {
     pub(crate) fn selection(&self, metres_per_count: f64) -> Selection {
         self.reading.selection(Some(metres_per_count))
-    }
-}
-
-impl PublishArguments {
-    pub(crate) fn selection(&self) -> Selection {
-        self.reading.selection(None)
     }
 }
 

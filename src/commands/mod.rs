@@ -1,9 +1,11 @@
 //! One module for each verb.
 
+pub(crate) mod check;
 pub(crate) mod demo;
 pub(crate) mod doctor;
 pub(crate) mod evaluate;
 pub(crate) mod inspect;
+pub(crate) mod pages;
 pub(crate) mod publish;
 pub(crate) mod record;
 pub(crate) mod reload;

@@ -1,52 +1,32 @@
 //! `kinds publish`: the driver shim of one sensor.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot};
-use kinds_driver_shim::{Faults, Faulty, Flow, Pace, Paced, Sensor, Shim, Source};
+use kinds_driver_shim::{Faulty, Flow, Pace, Paced, Sensor, Shim, Source};
 use kinds_messages::Node;
 use kinds_trips::TripReader;
 
-use crate::cli::{PublishArguments, RobotName};
+use crate::cli::{PublishArguments, PublishPlan, RobotName, SourcePlan};
 use crate::failure::Failure;
+use crate::notify::Supervisor;
 use crate::say::mention;
 use crate::{log, stop};
 
 pub(crate) fn run(arguments: &PublishArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
-    match (arguments.simulate, &arguments.trip) {
-        (Some(name), trip) => {
-            let robot = simulated(name, trip.as_deref(), arguments)?;
-            publish(robot, arguments, &stop, |_| None)
+    let plan = arguments.plan()?;
+    match &plan.source {
+        &SourcePlan::Robot { name, floor, trip, seed } => {
+            publish(robot(name, floor, trip, seed), arguments, &plan, &stop, |_| None)
         }
-        (None, Some(path)) => {
-            let trip = TripReader::open(path, &arguments.selection())?;
-            publish(trip, arguments, &stop, |trip| {
+        SourcePlan::Trip { path, selection } => {
+            let trip = TripReader::open(path, selection)?;
+            publish(trip, arguments, &plan, &stop, |trip| {
                 trip.truncation().map(|truncation| format!("trip {} {truncation}", path.display()))
             })
         }
-        (None, None) => Err(Failure::AskedWrongly("say what to publish: --trip or --simulate".to_string())),
-    }
-}
-
-fn simulated(
-    name: RobotName,
-    trip: Option<&Path>,
-    arguments: &PublishArguments,
-) -> Result<Box<dyn Robot>, Failure> {
-    let text = trip.map_or_else(|| "1".into(), Path::to_string_lossy);
-    let Ok(trip) = text.parse() else {
-        return Err(Failure::AskedWrongly(format!(
-            "with --simulate, --trip is the number of one of the robot's trips, such as 2; it is \"{text}\""
-        )));
-    };
-    match (name, arguments.world) {
-        (RobotName::Chew, Some(_)) => {
-            Err(Failure::AskedWrongly("chew drives on its campus alone; leave out --world".to_string()))
-        }
-        (_, world) => Ok(robot(name, world.unwrap_or(Floor::Fourth), trip, arguments.seed)),
     }
 }
 
@@ -62,46 +42,49 @@ pub(crate) fn robot(name: RobotName, floor: Floor, trip: u32, seed: u64) -> Box<
 fn publish<S: Source>(
     source: S,
     arguments: &PublishArguments,
+    plan: &PublishPlan,
     stop: &Arc<AtomicBool>,
     remark: impl Fn(&S) -> Option<String>,
 ) -> Result<(), Failure> {
-    let device = Paced::new(source, arguments.speed);
-    let Some(path) = &arguments.faults else {
-        return publish_device(device, arguments, stop, |device| {
+    let device = Paced::new(source, plan.pace);
+    let Some(faults) = &plan.faults else {
+        return publish_device(device, arguments, plan, stop, |device| {
             remark(device.source()).into_iter().collect()
         });
     };
-    let faulty = Faulty::new(device, read_faults(path)?);
-    publish_device(faulty, arguments, stop, |faulty| {
+    let faulty = Faulty::new(device, faults.clone());
+    publish_device(faulty, arguments, plan, stop, |faulty| {
         let injected = format!("faults were injected into {}", faulty.injected());
         remark(faulty.device().source()).into_iter().chain([injected]).collect()
     })
-}
-
-fn read_faults(path: &Path) -> Result<Faults, Failure> {
-    let text = std::fs::read_to_string(path).map_err(|error| Failure::file("read faults", path, &error))?;
-    Faults::from_ron(&text)
-        .map_err(|error| Failure::AskedWrongly(format!("faults {}: {error}", path.display())))
 }
 
 /// Publishes a device to its end, and then says all that `remarks` has to say of it.
 fn publish_device<S: Sensor>(
     device: S,
     arguments: &PublishArguments,
+    plan: &PublishPlan,
     stop: &Arc<AtomicBool>,
     remarks: impl Fn(&S) -> Vec<String>,
 ) -> Result<(), Failure> {
-    let domain = arguments.domain.join(stop);
+    let supervisor = Supervisor::from_environment();
+    let domain = arguments.domain.join(stop)?;
     let node = Node::open(&domain, "kinds-publish")?;
-    let (sensor, pace) = (&arguments.sensor, arguments.speed);
-    let flow = match pace {
-        _ if arguments.follow => Flow::Followed,
+    let sensor = &plan.sensor;
+    let flow = match (plan.pace, &plan.source) {
+        _ if plan.follow => Flow::Followed,
         // A robot waits for nobody.
-        Pace::Recorded(_) if arguments.simulate.is_some() => Flow::Live,
-        pace => pace.flow(),
+        (Pace::Recorded(_), SourcePlan::Robot { .. }) => Flow::Live,
+        (pace, _) => pace.flow(),
     };
     let mut shim = Shim::new(&node, sensor, device, flow)?;
-    let summary = shim.run(stop, &mut |notice| log::notice(notice))?;
+    let status = format!("publishing {sensor}");
+    supervisor.ready(&status);
+    let watched = supervisor.clone();
+    shim.listen_to_turns(move || watched.alive(&status));
+    let published = shim.run(stop, &mut |notice| log::notice(notice));
+    supervisor.stopping();
+    let summary = published?;
     for remark in remarks(shim.device()) {
         log::notice(remark);
     }

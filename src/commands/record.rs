@@ -5,11 +5,14 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use kinds_driver_shim::Capture;
-use kinds_messages::{Frame, FrameHeader, FrameReader, KindReport, Node, ReportReader, ReportStatus};
+use kinds_messages::{
+    Frame, FrameHeader, FrameReader, KindReport, Node, ReportReader, ReportStatus, SensorName, ns_since_epoch,
+};
 use kinds_trips::{FrameLayout, Stamp, TripWriteError};
 
-use crate::cli::RecordArguments;
+use crate::cli::{RecordArguments, RecordPlan};
 use crate::failure::Failure;
+use crate::notify::Supervisor;
 use crate::say::mention;
 use crate::trip_file::TripFile;
 use crate::{log, stop};
@@ -27,7 +30,12 @@ const SILENCE: Duration = Duration::from_secs(2);
 const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
 
 pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
-    let (sensor, path) = (&arguments.sensor, &arguments.output);
+    let RecordPlan { sensor, output, count } = arguments.plan()?;
+    let sensor = &sensor;
+    let path = &match output.is_dir() {
+        true => output.join(name_at(sensor, ns_since_epoch())),
+        false => output,
+    };
     if path.exists() {
         return Err(Failure::CouldNot(format!(
             "cannot record into {}: it is there already; choose another name",
@@ -35,15 +43,17 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
         )));
     }
     let stop = stop::on_signals()?;
+    let supervisor = Supervisor::from_environment();
     let mut recording = Recording::begin(TripFile::create(path)?);
-    let node = Node::open(&arguments.domain.domain(), "kinds-record")?;
+    let node = Node::open(&arguments.domain.domain()?, "kinds-record")?;
     // Both before the first frame can come: its report must find a reader.
     let reports = ReportReader::open(&node, sensor)?;
     let frames = FrameReader::open(&node, sensor)?;
+    supervisor.ready(format_args!("recording {sensor} into {}", path.display()));
     if !frames.is_published() {
         log::notice(format!("waiting for a driver shim to publish {sensor}"));
     }
-    let n_frames_max = arguments.count.unwrap_or(u64::MAX);
+    let n_frames_max = count.unwrap_or(u64::MAX);
     let (mut last_flush, mut last_clean_up) = (Instant::now(), Instant::now());
     loop {
         // Read before recording: what was sent before the flag was set is recorded.
@@ -66,6 +76,11 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
         }
         if last_flush.elapsed() >= FLUSH_PERIOD {
             recording.file.flush()?;
+            let (n_frames, n_lost) = (recording.n_frames, recording.n_lost);
+            supervisor.alive(format_args!(
+                "recording {sensor} into {}: {n_frames} frames, {n_lost} lost",
+                path.display()
+            ));
             last_flush = Instant::now();
         }
         if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
@@ -79,8 +94,38 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
             reports.wait(TICK)?
         };
     }
-    let summary = recording.end(&arguments.output)?;
+    supervisor.stopping();
+    let summary = recording.end(path)?;
     mention(summary)
+}
+
+/// The name of a trip of a sensor that begins at a time: `crunch-ring-2026-11-27T12-30-00Z.mcap`.
+///
+/// * `at_ns` — since the epoch
+fn name_at(sensor: &SensorName, at_ns: i64) -> String {
+    const DAY_S: i64 = 24 * 60 * 60;
+    let at_s = at_ns.div_euclid(1_000_000_000);
+    let (day, second) = (at_s.div_euclid(DAY_S), at_s.rem_euclid(DAY_S));
+    let (year, month, day) = date(day);
+    let [hour, minute, second] = [second / 3600, second / 60 % 60, second % 60];
+    let sensor = sensor.as_str().replace('/', "-");
+    format!("{sensor}-{year:04}-{month:02}-{day:02}T{hour:02}-{minute:02}-{second:02}Z.mcap")
+}
+
+/// Year, month and day, from days since the epoch.
+///
+/// Hinnant 2021, *chrono-Compatible Low-Level Date Algorithms*, `civil_from_days`: years begin in March, so that the leap day is
+/// a year's last.
+fn date(days: i64) -> (i64, i64, i64) {
+    const ERA: i64 = 146_097;
+    let days = days + 719_468;
+    let (era, day_of_era) = (days.div_euclid(ERA), days.rem_euclid(ERA));
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    (400 * era + year_of_era + i64::from(month <= 2), month, day)
 }
 
 /// A trip being recorded. Dropped before its end, it leaves nothing behind.
@@ -187,4 +232,25 @@ impl Recording {
 
 fn layout_of(header: &FrameHeader) -> FrameLayout {
     FrameLayout { rows: header.rows, columns: header.columns, metres_per_count: header.metres_per_count }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn trips_are_named_by_sensor_and_time() {
+        let sensor = "crunch/ring".parse().unwrap();
+        // By `date --utc --date @… +%FT%H-%M-%SZ`.
+        for (at_s, time) in [
+            (0, "1970-01-01T00-00-00Z"),
+            (-1, "1969-12-31T23-59-59Z"),
+            (951_782_400, "2000-02-29T00-00-00Z"),
+            (1_709_251_199, "2024-02-29T23-59-59Z"),
+            (1_795_782_600, "2026-11-27T12-30-00Z"),
+            (4_107_542_400, "2100-03-01T00-00-00Z"),
+        ] {
+            assert_eq!(name_at(&sensor, at_s * 1_000_000_000), format!("crunch-ring-{time}.mcap"));
+        }
+    }
 }

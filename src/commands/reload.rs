@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use kinds_messages::{Node, ReloadAnswer, ReloadAsker};
+use kinds_messages::{Node, ReloadAnswer, ReloadAsker, SensorName};
 
 use crate::cli::ReloadArguments;
 use crate::failure::Failure;
@@ -24,22 +24,25 @@ const LOOK: Duration = Duration::from_millis(10);
 const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
 
 pub(crate) fn run(arguments: &ReloadArguments) -> Result<(), Failure> {
+    let (sensor, model) = arguments.asked()?;
     // The service may work in another folder.
-    let path = arguments
-        .model
+    let path = model
         .as_deref()
         .map(|path| std::path::absolute(path).map_err(|error| Failure::file("find model", path, &error)));
-    let answer = ask(arguments, path.transpose()?.as_deref())?;
+    let answer = ask(arguments, &sensor, path.transpose()?.as_deref())?;
     match answer.is_taken() {
         true => mention(answer.words()),
         false => Err(Failure::CouldNot(answer.words())),
     }
 }
 
-fn ask(arguments: &ReloadArguments, path: Option<&Path>) -> Result<ReloadAnswer, Failure> {
+fn ask(
+    arguments: &ReloadArguments,
+    sensor: &SensorName,
+    path: Option<&Path>,
+) -> Result<ReloadAnswer, Failure> {
     let stop = stop::on_signals()?;
-    let sensor = &arguments.sensor;
-    let node = Node::open(&arguments.domain.domain(), "kinds-reload")?;
+    let node = Node::open(&arguments.domain.domain()?, "kinds-reload")?;
     let asker = ReloadAsker::open(&node, sensor)?;
     if !asker.is_heard() {
         return Err(Failure::CouldNot(format!(

@@ -10,10 +10,11 @@ use kinds_model::Classifier;
 use kinds_service::{Service, Summary};
 use rustix::thread::CpuSet;
 
-use crate::cli::ServeArguments;
+use crate::cli::{ServeArguments, ServePlan};
 use crate::commands::serve::metrics::Metrics;
 use crate::failure::Failure;
 use crate::model_file::ModelFailure;
+use crate::notify::{Reporter, Supervisor};
 use crate::realtime::{self, Realtime};
 use crate::say::mention;
 use crate::{model_file, stop};
@@ -21,50 +22,47 @@ use crate::{model_file, stop};
 pub(crate) fn run(arguments: &ServeArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
     let reload = stop::reload_on_signal()?;
-    let realtime = realtime(arguments)?;
-    let classifier = open_ready(&arguments.model)?;
+    let ServePlan { model: path, sensor, busy_poll, realtime, metrics } = arguments.plan()?;
+    let supervisor = Supervisor::from_environment();
+    let classifier = open_ready(&path)?;
     let model = classifier.model();
     let mut serving = format!(
-        "serving {}: {} kinds of {}, model {}",
-        arguments.sensor,
+        "serving {sensor}: {} kinds of {}, model {}",
         model.mixture().n_kinds(),
         model.layout(),
         model.id()
     );
-    let domain = arguments.domain.join(&stop);
+    let domain = arguments.domain.join(&stop)?;
     let node = Node::open(&domain, "kinds-serve")?;
-    let waiting = if arguments.busy_poll { Waiting::Polling } else { Waiting::ByEvent };
-    let mut service = Service::start_with(&node, &arguments.sensor, classifier, waiting)?;
+    let waiting = if busy_poll { Waiting::Polling } else { Waiting::ByEvent };
+    let mut service = Service::start_with(&node, &sensor, classifier, waiting)?;
     // Where other threads are to run, whatever this one asks for.
     let processors = realtime::processors();
     let beside = realtime.clone();
-    let open = Arc::new(move |path: &Path| open_beside(path, &beside, processors));
-    let path = std::path::absolute(&arguments.model)
-        .map_err(|error| Failure::file("find model", &arguments.model, &error))?;
+    let for_opening = supervisor.clone();
+    let open = Arc::new(move |path: &Path| {
+        for_opening.reloading();
+        open_beside(path, &beside, processors)
+    });
+    let path = std::path::absolute(&path).map_err(|error| Failure::file("find model", &path, &error))?;
     service.accept_reloads(&path, open, reload)?;
-    let metrics = arguments.metrics.map(|address| Metrics::listen(address, &arguments.sensor)).transpose()?;
+    let metrics = metrics.map(|address| Metrics::listen(address, &sensor)).transpose()?;
     // When all is mapped that can be before a driver shim comes, and nothing that frames do not need.
     serving += &realtime.apply();
-    if let Some(metrics) = metrics {
+    let mut scrapes = metrics.map(|metrics| {
         serving += &format!("; metrics at http://{}/metrics", metrics.address());
-        service.listen_to_health(metrics.start(processors));
-    }
+        metrics.start(processors)
+    });
+    let mut reporter = Reporter::new(supervisor.clone(), sensor);
+    service.listen_to_health(move |health| {
+        reporter.tell(health);
+        scrapes.iter_mut().for_each(|tell| tell(health));
+    });
+    supervisor.ready(&serving);
     mention(serving)?;
-    say_summary(&service.run(&stop)?)
-}
-
-/// What is asked of the system, by file and flag.
-fn realtime(arguments: &ServeArguments) -> Result<Realtime, Failure> {
-    let mut realtime = Realtime::default();
-    if let Some(path) = &arguments.realtime {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| Failure::file("read real-time settings", path, &error))?;
-        realtime = Realtime::from_ron(&text).map_err(|error| {
-            Failure::AskedWrongly(format!("real-time settings {}: {error}", path.display()))
-        })?;
-    }
-    realtime.lock_memory |= arguments.lock_memory;
-    Ok(realtime)
+    let served = service.run(&stop);
+    supervisor.stopping();
+    say_summary(&served?)
 }
 
 /// Opens a model, warm for the first frame.

@@ -18,12 +18,12 @@ use crate::cli::TrainArguments;
 use crate::failure::Failure;
 use crate::progress::StepBar;
 use crate::say::mention;
-use crate::{log, model_file, report_folder};
+use crate::{log, model_file, report_folder, ron_file};
 
 pub(crate) fn run(arguments: TrainArguments) -> Result<(), Failure> {
     let flags = arguments.config();
     let config = match &arguments.config {
-        Some(path) => read_config(path)?.overridden_by(flags),
+        Some(path) => ron_file::read::<Config>("configuration", path)?.overridden_by(flags),
         None => flags,
     };
     let paths = ModelPaths::beside(&arguments.output);
@@ -110,13 +110,6 @@ fn kinds_word(n_kinds: usize) -> &'static str {
 pub(crate) fn train(trips: &[PathBuf], config: &Config) -> Result<Trained, Failure> {
     let mut bar = StepBar::new();
     Ok(kinds_trainer::train(trips, config, &mut |stage, done, all| bar.show(stage, done, all))?)
-}
-
-fn read_config(path: &Path) -> Result<Config, Failure> {
-    let text =
-        std::fs::read_to_string(path).map_err(|error| Failure::file("read configuration", path, &error))?;
-    Config::from_ron(&text)
-        .map_err(|error| Failure::AskedWrongly(format!("configuration {}: {error}", path.display())))
 }
 
 /// What was learnt, in a line.

@@ -5,7 +5,7 @@ use serde::Deserialize;
 
 /// What is asked of the system for a service. Every field may be left out, and is not asked for then.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, deny_unknown_fields, rename = "Realtime")]
 pub(crate) struct Realtime {
     /// Processors that it may run on, by their number from 0.
     #[serde(deserialize_with = "processors")]
@@ -15,17 +15,6 @@ pub(crate) struct Realtime {
     pub(crate) priority: Option<u8>,
     /// Whether its memory is never to be paged out.
     pub(crate) lock_memory: bool,
-}
-
-impl Realtime {
-    /// Reads what a file says. An error names line and column.
-    pub(crate) fn from_ron(text: &str) -> Result<Self, String> {
-        let read: Result<Self, _> = ron::from_str(text);
-        read.map_err(|error| {
-            let place = error.span.start;
-            format!("line {}, column {}: {}", place.line, place.col, error.code)
-        })
-    }
 }
 
 fn processors<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<usize>, D::Error> {
@@ -55,12 +44,13 @@ fn priority<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ron_file::parse;
 
     #[test]
     fn settings_are_read_and_what_is_left_out_is_not_asked_for() {
-        assert_eq!(Realtime::from_ron("()"), Ok(Realtime::default()));
+        assert_eq!(parse("()"), Ok(Realtime::default()));
         assert_eq!(
-            Realtime::from_ron("(cpus: [2, 3], priority: 50, lock_memory: true)"),
+            parse("(cpus: [2, 3], priority: 50, lock_memory: true)"),
             Ok(Realtime { cpus: vec![2, 3], priority: Some(50), lock_memory: true })
         );
     }
@@ -86,11 +76,10 @@ mod tests {
             ),
             (
                 "(prio: 5)",
-                "line 1, column 2: Unexpected field named `prio` in `Realtime`, expected one of `cpus`, `priority`, or \
-                 `lock_memory` instead",
+                "line 1, column 2: there is no field prio; the fields are cpus, priority, lock_memory",
             ),
         ] {
-            assert_eq!(Realtime::from_ron(text), Err(sentence.to_string()));
+            assert_eq!(parse::<Realtime>(text), Err(sentence.to_string()));
         }
     }
 }

@@ -148,7 +148,7 @@ fn configuration_that_cannot_be_read_is_refused_with_file_line_and_column() {
     for (text, place, word) in [
         ("(\n  kids: 5,\n)", "line 2, column 3", "kids"),
         ("(\n  kinds: \"5\",\n)", "line 2, column 9", "integer"),
-        ("(\n  kinds: 5,\n  kinds: 6,\n)", "line 3, column 3", "duplicate"),
+        ("(\n  kinds: 5,\n  kinds: 6,\n)", "line 3, column 3", "stands there twice"),
         ("(seed: -1)", "line 1, column 9", "out of bounds"),
         ("(response: logarithm)", "line 1, column 12", "logarithm"),
         ("(response: log, kinds: 5", "line 1, column 24", ""),

@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rustix::process::Signal;
 
-use crate::ordeal::{Ordeal, PROGRAMS, RECORDED, recordings};
+use crate::ordeal::{Ordeal, PROGRAMS, Program, RECORDED, recordings};
 use crate::robot::{MODEL, Robot, SECOND, SENSOR};
 use crate::running::await_that;
 use crate::world::{Trip, open_model, read_trip};
@@ -22,6 +22,12 @@ fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_not
     let robot = Robot::crunch();
     let mut ordeal = Ordeal::begin(&robot, "5", 7);
     let before = ordeal.remains();
+    let check = |ordeal: &mut Ordeal| {
+        ordeal.check_all_is_well();
+        // A recorder that is killed before it has a file leaves none.
+        let n_killed = ordeal.kills_ns[Program::Recorder as usize].len();
+        await_that(|| recordings(&robot).len() == n_killed + 1);
+    };
     for round in 0..25 {
         let order = ordeal.shuffled();
         // One after the other, each back before the next goes; or all at once, back in another order.
@@ -31,7 +37,7 @@ fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_not
                 ordeal.kill(program);
                 ordeal.pause(20);
                 ordeal.start(program);
-                ordeal.check_all_is_well();
+                check(&mut ordeal);
             }
         } else {
             for program in order {
@@ -42,7 +48,7 @@ fn a_hundred_kills_in_any_order_lose_nothing_once_all_are_up_again_and_leave_not
                 ordeal.pause(10);
                 ordeal.start(program);
             }
-            ordeal.check_all_is_well();
+            check(&mut ordeal);
         }
     }
     assert_eq!(ordeal.kills_ns.each_ref().map(Vec::len), [25; PROGRAMS.len()]);

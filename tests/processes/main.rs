@@ -5,6 +5,7 @@
 
 mod asked_wrongly;
 mod bad_trips;
+mod check;
 mod commands;
 mod consumer;
 mod consumers;
@@ -16,6 +17,7 @@ mod health;
 mod log;
 mod models;
 mod narrow;
+mod notify;
 mod novelty;
 mod ordeal;
 mod publish;

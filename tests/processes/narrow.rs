@@ -89,13 +89,15 @@ fn a_domain_where_nothing_can_be_made_is_a_sentence_of_every_program() {
     }
 }
 
+/// A user without rights.
+const NOBODY: u32 = 65534;
+
 #[test]
 fn another_user_is_told_whose_files_are_in_the_way() {
     if !rustix::process::geteuid().is_root() {
         eprintln!("skipped: only root may run a program as another user");
         return;
     }
-    const NOBODY: u32 = 65534;
     let robot = Robot::trained();
     let service = robot.serve();
     // Its own copy of the program, in a folder that it may enter.
@@ -107,11 +109,32 @@ fn another_user_is_told_whose_files_are_in_the_way() {
     let outcome = Running::start(command.current_dir("/").uid(NOBODY)).end();
     assert_eq!((outcome.code, outcome.stdout.as_str()), (Some(1), ""), "{outcome:?}");
     let root = robot.domain().root.display();
-    let begins = format!("kinds: cannot join the channels under {root}: ");
-    assert!(outcome.stderr.starts_with(&begins), "{outcome:?}");
-    assert!(
-        outcome.stderr.contains("run all programs of a robot as one user, who may write there"),
-        "{outcome:?}"
+    assert_eq!(
+        outcome.stderr,
+        format!(
+            "kinds: cannot join the channels under {root}: they are those of user root, and this program runs as nobody; run it \
+             as root (sudo -u root kinds …; User=root in a systemd unit), or choose another domain\n"
+        )
     );
     service.stop(rustix::process::Signal::TERM);
+}
+
+#[test]
+fn the_superuser_leaves_nothing_in_the_way_of_the_user_whose_domain_it_is() {
+    if !rustix::process::geteuid().is_root() {
+        eprintln!("skipped: only root may give a folder to another user");
+        return;
+    }
+    let robot = Robot::trained();
+    let root = &robot.domain().root;
+    std::os::unix::fs::chown(root, Some(NOBODY), Some(NOBODY)).unwrap();
+    let cure =
+        "run it as nobody (sudo -u nobody kinds …; User=nobody in a systemd unit), or choose another domain";
+    for verb in [&["serve", "--model", MODEL][..], &["publish", "--trip", SECOND], &["watch"], &["reload"]] {
+        robot.refuse_with(&[verb, &["--sensor", SENSOR]].concat(), 1, &[cure]);
+    }
+    assert_eq!(std::fs::read_dir(root).unwrap().count(), 0);
+    // A folder for everybody is nobody's own.
+    std::fs::set_permissions(root, std::fs::Permissions::from_mode(0o1777)).unwrap();
+    robot.serve().stop(rustix::process::Signal::TERM);
 }

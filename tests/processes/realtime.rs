@@ -100,10 +100,7 @@ fn settings_that_cannot_be_are_refused_with_file_line_and_column() {
             "(\n  priority: 100,\n)",
             "line 2, column 13: priority is 100; it must be between 1 and 99, or left out for none",
         ),
-        (
-            "(cpu: [0])",
-            "line 1, column 2: Unexpected field named `cpu` in `Realtime`, expected one of `cpus`, `priority`, or `lock_memory` instead",
-        ),
+        ("(cpu: [0])", "line 1, column 2: there is no field cpu; did you mean cpus?"),
     ] {
         robot.write("realtime.ron", settings);
         robot.refuse(

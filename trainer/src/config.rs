@@ -14,7 +14,7 @@ use crate::metric_choice::MetricChoice;
 
 /// Training as a RON file says it. Every field may be left out; then the sensor and the trips decide.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(default, deny_unknown_fields, rename = "Train")]
 pub struct Config {
     /// Scale on which frames are compared: range, log or inverse. Default: inverse.
     pub response: Option<Scale>,

@@ -9,6 +9,7 @@ use kinds_messages::{Domain, SHARED_MEMORY};
 use rustix::fs::{Access, access};
 
 use super::finding::{Finding, well, wrong};
+use crate::user;
 
 const AS_ONE_USER: &str =
     "run all programs of a robot, this one too, as one user, or give each user another --domain";
@@ -43,11 +44,11 @@ fn on_root(root: &Path, own: u32) -> Finding {
 }
 
 fn on_folder(root: &Path, metadata: &Metadata, own: u32) -> Finding {
-    let (folder, owner, mode) = (root.display(), user(metadata.uid()), metadata.mode() & 0o7777);
+    let (folder, owner, mode) = (root.display(), user::name(metadata.uid()), metadata.mode() & 0o7777);
     if metadata.uid() != own {
         let what = format!(
             "{folder} belongs to user {owner} (mode {mode:o}), and this program runs as user {}",
-            user(own)
+            user::name(own)
         );
         return wrong("domain", what, AS_ONE_USER);
     }
@@ -65,7 +66,7 @@ fn on_folder(root: &Path, metadata: &Metadata, own: u32) -> Finding {
 
 fn on_files(own: u32, owners: &[u32]) -> Finding {
     let others: Vec<String> =
-        owners.iter().filter(|owner| **owner != own).map(|owner| user(*owner)).collect();
+        owners.iter().filter(|owner| **owner != own).map(|owner| user::name(*owner)).collect();
     match others.is_empty() {
         true => well("files", format!("no other user has files of this domain in {SHARED_MEMORY}")),
         false => wrong(
@@ -73,7 +74,7 @@ fn on_files(own: u32, owners: &[u32]) -> Finding {
             format!(
                 "in {SHARED_MEMORY} there are files of this domain that belong to user {}, and this program runs as user {}",
                 others.join(", "),
-                user(own)
+                user::name(own)
             ),
             AS_ONE_USER,
         ),
@@ -89,17 +90,6 @@ fn owners_of_shared_memory(prefix: &str) -> Vec<u32> {
     owners.sort_unstable();
     owners.dedup();
     owners
-}
-
-/// A user's name, or number where the system has no name for it in its file of users.
-fn user(uid: u32) -> String {
-    let users = std::fs::read_to_string("/etc/passwd").unwrap_or_default();
-    let name = users.lines().find_map(|line| {
-        let mut fields = line.split(':');
-        let name = fields.next()?;
-        (fields.nth(1)?.parse() == Ok(uid)).then(|| name.to_owned())
-    });
-    name.unwrap_or_else(|| uid.to_string())
 }
 
 #[cfg(test)]
@@ -118,7 +108,7 @@ mod tests {
             format!(
                 "{} belongs to user {} (mode {mode:o}), and this program runs as user {}",
                 folder.path().display(),
-                user(own),
+                user::name(own),
                 own + 77_777
             )
         );
