@@ -21,7 +21,6 @@ mod ron_file;
 mod say;
 mod stop;
 mod trip_file;
-mod user;
 mod whole_file;
 
 use std::process::ExitCode;

@@ -30,6 +30,19 @@ pub enum ChannelError {
         /// Most characters.
         limit: usize,
     },
+    /// The domain is another user's, who keeps it to itself.
+    #[error(
+        "cannot join the channels under {}: they are those of user {owner}, and this program runs as {own}; run it as \
+         {owner} (sudo -u {owner} …; User={owner} in a systemd unit), or choose another domain", root.display()
+    )]
+    OtherUser {
+        /// The domain's root.
+        root: PathBuf,
+        /// Whose it is.
+        owner: String,
+        /// The user of this process.
+        own: String,
+    },
     /// This process cannot become a member of the domain.
     #[error(
         "cannot join the channels under {}: {reason}; run all programs of a robot as one user, who may write there, \

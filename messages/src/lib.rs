@@ -60,6 +60,7 @@ mod reports;
 mod testing;
 #[cfg(test)]
 mod tests;
+mod user;
 
 pub use census::{Census, Difference, FoundChannel, Life, Program, Publisher};
 pub use channel::{
@@ -83,3 +84,4 @@ pub use own_domain::OwnDomain;
 pub use reload_messages::{ReloadAnswer, ReloadRequest};
 pub use reloads::{ReloadAsker, ReloadDesk};
 pub use reports::{HeldReport, ReportPublisher, ReportReader, ServiceId};
+pub use user::user_name;

@@ -13,6 +13,7 @@ use iceoryx2::prelude::{
 use rustix::fs::{MemfdFlags, memfd_create};
 use tracing::level_filters::LevelFilter;
 
+use crate::user::check_owner_of;
 use crate::{ChannelError, Domain};
 
 /// This process as a member of a domain: what channels are opened with. A clone is the same member.
@@ -28,7 +29,11 @@ impl Node {
     /// Joins a domain under a name for people, such as the program's, and removes what killed programs left behind.
     ///
     /// Signals are left to the caller: a wait that one interrupts says so.
+    ///
+    /// # Errors
+    /// If the domain is no place for channels, another user's, or none can be made there.
     pub fn open(domain: &Domain, process_name: &str) -> Result<Self, ChannelError> {
+        check_owner_of(&domain.root)?;
         let node = Self::join(domain, &domain.config()?, process_name)?;
         node.clean_up_dead_nodes();
         Ok(node)

@@ -28,7 +28,7 @@ pub(crate) use self::trips::{ConvertArguments, InfoArguments, RecoverArguments, 
 use crate::failure::Failure;
 use crate::log::Format;
 use crate::owner::Joined;
-use crate::{ron_file, user};
+use crate::ron_file;
 
 /// Tells a robot, in microseconds and without labels, what kind of place its raw sensors are in.
 #[derive(Debug, Parser)]
@@ -57,15 +57,8 @@ pub(crate) struct DomainArguments {
 }
 
 impl DomainArguments {
-    /// The domain, unless it is another user's.
-    pub(crate) fn domain(&self) -> Result<Domain, Failure> {
-        let domain = self.whosever();
-        user::check_owner_of(&domain.root)?;
-        Ok(domain)
-    }
-
-    /// The domain, to look at it from outside.
-    pub(crate) fn whosever(&self) -> Domain {
+    /// The domain.
+    pub(crate) fn domain(&self) -> Domain {
         self.domain.as_deref().map_or_else(Domain::default, Domain::in_folder)
     }
 }
@@ -81,8 +74,8 @@ pub(crate) struct OwnableDomainArguments {
 }
 
 impl OwnableDomainArguments {
-    pub(crate) fn join(&self, stop: &Arc<AtomicBool>) -> Result<Joined, Failure> {
-        Ok(Joined::new(self.arguments.domain()?, self.owned, stop))
+    pub(crate) fn join(&self, stop: &Arc<AtomicBool>) -> Joined {
+        Joined::new(self.arguments.domain(), self.owned, stop)
     }
 }
 

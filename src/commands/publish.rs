@@ -68,7 +68,7 @@ fn publish_device<S: Sensor>(
     remarks: impl Fn(&S) -> Vec<String>,
 ) -> Result<(), Failure> {
     let supervisor = Supervisor::from_environment();
-    let domain = arguments.domain.join(stop)?;
+    let domain = arguments.domain.join(stop);
     let node = Node::open(&domain, "kinds-publish")?;
     let sensor = &plan.sensor;
     let flow = match (plan.pace, &plan.source) {

@@ -45,7 +45,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
     let supervisor = Supervisor::from_environment();
     let mut recording = Recording::begin(TripFile::create(path)?);
-    let node = Node::open(&arguments.domain.domain()?, "kinds-record")?;
+    let node = Node::open(&arguments.domain.domain(), "kinds-record")?;
     // Both before the first frame can come: its report must find a reader.
     let reports = ReportReader::open(&node, sensor)?;
     let frames = FrameReader::open(&node, sensor)?;

@@ -42,7 +42,7 @@ fn ask(
     path: Option<&Path>,
 ) -> Result<ReloadAnswer, Failure> {
     let stop = stop::on_signals()?;
-    let node = Node::open(&arguments.domain.domain()?, "kinds-reload")?;
+    let node = Node::open(&arguments.domain.domain(), "kinds-reload")?;
     let asker = ReloadAsker::open(&node, sensor)?;
     if !asker.is_heard() {
         return Err(Failure::CouldNot(format!(

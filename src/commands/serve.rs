@@ -32,7 +32,7 @@ pub(crate) fn run(arguments: &ServeArguments) -> Result<(), Failure> {
         model.layout(),
         model.id()
     );
-    let domain = arguments.domain.join(&stop)?;
+    let domain = arguments.domain.join(&stop);
     let node = Node::open(&domain, "kinds-serve")?;
     let waiting = if busy_poll { Waiting::Polling } else { Waiting::ByEvent };
     let mut service = Service::start_with(&node, &sensor, classifier, waiting)?;

@@ -26,7 +26,7 @@ const PERIOD: Duration = Duration::from_secs(1);
 
 pub(crate) fn run(arguments: &TopArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
-    let observer = Observer::join(arguments.domain.domain()?)?;
+    let observer = Observer::join(arguments.domain.domain())?;
     if arguments.once || arguments.json || !std::io::stdout().is_terminal() {
         print(observer, arguments, &stop)
     } else {

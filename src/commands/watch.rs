@@ -14,7 +14,7 @@ use crate::{log, stop};
 pub(crate) fn run(arguments: &WatchArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
     let mut reports =
-        Reports::open(Node::open(&arguments.domain.domain()?, "kinds-watch")?, &arguments.sensor)?;
+        Reports::open(Node::open(&arguments.domain.domain(), "kinds-watch")?, &arguments.sensor)?;
     let mut out = BufWriter::new(std::io::stdout().lock());
     let mut n_left = arguments.count.unwrap_or(u64::MAX);
     while n_left > 0 && !stop.load(Ordering::Relaxed) {

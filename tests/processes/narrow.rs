@@ -113,7 +113,7 @@ fn another_user_is_told_whose_files_are_in_the_way() {
         outcome.stderr,
         format!(
             "kinds: cannot join the channels under {root}: they are those of user root, and this program runs as nobody; run it \
-             as root (sudo -u root kinds …; User=root in a systemd unit), or choose another domain\n"
+             as root (sudo -u root …; User=root in a systemd unit), or choose another domain\n"
         )
     );
     service.stop(rustix::process::Signal::TERM);

@@ -19,7 +19,7 @@ use crate::cli::DoctorArguments;
 use crate::failure::Failure;
 
 pub(crate) fn run(arguments: &DoctorArguments) -> Result<(), Failure> {
-    let domain = arguments.domain.whosever();
+    let domain = arguments.domain.domain();
     let findings = examine(&domain, arguments);
     let n_wrong = findings.iter().filter(|finding| !finding.well).count();
     let mut out = std::io::stdout().lock();

@@ -5,11 +5,10 @@ use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-use kinds_messages::{Domain, SHARED_MEMORY};
+use kinds_messages::{Domain, SHARED_MEMORY, user_name};
 use rustix::fs::{Access, access};
 
 use super::finding::{Finding, well, wrong};
-use crate::user;
 
 const AS_ONE_USER: &str =
     "run all programs of a robot, this one too, as one user, or give each user another --domain";
@@ -44,11 +43,11 @@ fn on_root(root: &Path, own: u32) -> Finding {
 }
 
 fn on_folder(root: &Path, metadata: &Metadata, own: u32) -> Finding {
-    let (folder, owner, mode) = (root.display(), user::name(metadata.uid()), metadata.mode() & 0o7777);
+    let (folder, owner, mode) = (root.display(), user_name(metadata.uid()), metadata.mode() & 0o7777);
     if metadata.uid() != own {
         let what = format!(
             "{folder} belongs to user {owner} (mode {mode:o}), and this program runs as user {}",
-            user::name(own)
+            user_name(own)
         );
         return wrong("domain", what, AS_ONE_USER);
     }
@@ -66,7 +65,7 @@ fn on_folder(root: &Path, metadata: &Metadata, own: u32) -> Finding {
 
 fn on_files(own: u32, owners: &[u32]) -> Finding {
     let others: Vec<String> =
-        owners.iter().filter(|owner| **owner != own).map(|owner| user::name(*owner)).collect();
+        owners.iter().filter(|owner| **owner != own).map(|owner| user_name(*owner)).collect();
     match others.is_empty() {
         true => well("files", format!("no other user has files of this domain in {SHARED_MEMORY}")),
         false => wrong(
@@ -74,7 +73,7 @@ fn on_files(own: u32, owners: &[u32]) -> Finding {
             format!(
                 "in {SHARED_MEMORY} there are files of this domain that belong to user {}, and this program runs as user {}",
                 others.join(", "),
-                user::name(own)
+                user_name(own)
             ),
             AS_ONE_USER,
         ),
@@ -108,7 +107,7 @@ mod tests {
             format!(
                 "{} belongs to user {} (mode {mode:o}), and this program runs as user {}",
                 folder.path().display(),
-                user::name(own),
+                user_name(own),
                 own + 77_777
             )
         );
