@@ -66,6 +66,7 @@ mod message;
 mod point_cloud;
 mod pose;
 mod pose_track;
+mod position;
 mod reader;
 mod record;
 mod recording;

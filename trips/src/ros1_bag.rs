@@ -7,11 +7,12 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::TripError;
 use crate::catalogue::Catalogue;
-use crate::chunk::{self, ChunkFault};
+use crate::chunk;
+use crate::position::{Position, short_record};
 use crate::record::{Fields, Record};
 use crate::recording::{End, MAX_RECORD_BYTES, NO_RECORD, TOO_LONG, io_error};
 
@@ -36,43 +37,29 @@ mod op {
 
 /// A ROS 1 bag being read.
 pub(crate) struct Ros1Bag {
-    path: PathBuf,
+    position: Position,
     file: BufReader<File>,
-    n_bytes: u64,
     /// Where the index begins, by the bag's own word; the end of the file if that cannot be.
     index_at_byte: u64,
     /// The channels and numbers of messages that a whole index names: the bag was closed.
     index: Option<Catalogue>,
-    /// Where in the file the next record begins.
-    at_byte: u64,
     header: Vec<u8>,
     data: Vec<u8>,
-    /// The records of the chunk being read, or one record that stands outside of chunks.
-    records: Vec<u8>,
-    next_in_records: usize,
-    records_at_byte: u64,
     /// Whether of the next connection the type was told, and its topic was not.
     type_is_told: bool,
-    end: Option<End>,
 }
 
 impl Ros1Bag {
     /// Takes a file and looks at its two ends.
     pub(crate) fn new(path: &Path, file: File, n_bytes: u64) -> Result<Ros1Bag, TripError> {
         let mut bag = Ros1Bag {
-            path: path.to_owned(),
+            position: Position::new(path, n_bytes),
             file: BufReader::with_capacity(256 << 10, file),
-            n_bytes,
             index_at_byte: n_bytes,
             index: None,
-            at_byte: 0,
             header: Vec::new(),
             data: Vec::new(),
-            records: Vec::new(),
-            next_in_records: 0,
-            records_at_byte: 0,
             type_is_told: false,
-            end: None,
         };
         bag.rewind()?;
         if bag.read_header()?.is_ok()
@@ -93,35 +80,28 @@ impl Ros1Bag {
 
     pub(crate) fn rewind(&mut self) -> Result<(), TripError> {
         let at_byte = MAGIC.len() as u64;
-        self.file.seek(SeekFrom::Start(at_byte)).map_err(io_error(&self.path))?;
-        self.at_byte = at_byte;
-        self.records.clear();
-        self.next_in_records = 0;
+        self.file.seek(SeekFrom::Start(at_byte)).map_err(io_error(&self.position.path))?;
+        self.position.begin(at_byte);
         self.type_is_told = false;
-        self.end = None;
         Ok(())
     }
 
     pub(crate) fn next_record(&mut self) -> Result<Option<Record<'_>>, TripError> {
-        while self.next_in_records == self.records.len() {
-            if self.end.is_some() || !self.load()? {
+        while self.position.is_at_end_of_records() {
+            if self.position.end.is_some() || !self.load()? {
                 return Ok(None);
             }
         }
-        let damaged = || TripError::Damaged {
-            path: self.path.clone(),
-            at_byte: self.records_at_byte,
-            what: "a record there is shorter than what it says it holds".to_owned(),
-        };
-        let (header, data, n_bytes) =
-            first_record(&self.records[self.next_in_records..]).ok_or_else(damaged)?;
+        let Position { path, records, next_in_records, records_at_byte, .. } = &mut self.position;
+        let damaged = || short_record(path, *records_at_byte);
+        let (header, data, n_bytes) = first_record(&records[*next_in_records..]).ok_or_else(damaged)?;
         let [schema, record] = parse(header, data).ok_or_else(damaged)?;
         if let (Some(schema), false) = (schema, self.type_is_told) {
             self.type_is_told = true;
             return Ok(Some(schema));
         }
         self.type_is_told = false;
-        self.next_in_records += n_bytes;
+        *next_in_records += n_bytes;
         Ok(Some(record.unwrap_or(Record::Other)))
     }
 
@@ -130,7 +110,7 @@ impl Ros1Bag {
     }
 
     pub(crate) fn end(&self) -> Option<End> {
-        self.end
+        self.position.end
     }
 
     pub(crate) fn is_closed(&self) -> bool {
@@ -138,77 +118,87 @@ impl Ros1Bag {
     }
 
     pub(crate) fn path(&self) -> &Path {
-        &self.path
+        &self.position.path
     }
 
     pub(crate) fn at_byte(&self) -> u64 {
-        self.at_byte
+        self.position.at_byte
     }
 
     pub(crate) fn n_bytes(&self) -> u64 {
-        self.n_bytes
+        self.position.n_bytes
     }
 
     pub(crate) fn n_bytes_read(&self) -> u64 {
-        self.at_byte
+        self.position.at_byte
     }
 
     /// Fills `records` with what comes next; false at the end.
     fn load(&mut self) -> Result<bool, TripError> {
+        let is_closed = self.is_closed();
         loop {
-            if self.at_byte == self.index_at_byte && self.index_at_byte < self.n_bytes {
-                self.end = Some(End::Closed);
+            if self.position.at_byte == self.index_at_byte && self.index_at_byte < self.position.n_bytes {
+                self.position.end = Some(End::Closed);
                 return Ok(false);
             }
             let data_bytes = match self.read_header()? {
                 Ok(data_bytes) => data_bytes,
-                Err(what) => return self.stop_short(what),
+                Err(what) => return self.position.stop_short(what, is_closed),
             };
-            let next_at_byte = self.at_byte + (4 + self.header.len() + 4) as u64 + data_bytes;
-            if next_at_byte > self.n_bytes {
-                return self.stop_short(TOO_LONG);
+            let next_at_byte = self.position.at_byte + (4 + self.header.len() + 4) as u64 + data_bytes;
+            if next_at_byte > self.position.n_bytes {
+                return self.position.stop_short(TOO_LONG, is_closed);
             }
             if data_bytes > MAX_RECORD_BYTES {
-                return Err(self.too_large(data_bytes, MAX_RECORD_BYTES));
+                return Err(self.position.too_large(data_bytes, MAX_RECORD_BYTES));
             }
             match field(&self.header, b"op") {
                 Some(&[op::CHUNK]) => {
                     self.read_data(data_bytes)?;
                     let of = (field(&self.header, b"compression"), u32_field(&self.header, b"size"));
-                    let (Some(compression), Some(size)) = of else { return self.stop_short(NO_RECORD) };
+                    let (Some(compression), Some(size)) = of else {
+                        return self.position.stop_short(NO_RECORD, is_closed);
+                    };
                     if size == 0 && data_bytes == 0 {
                         // A recorder was killed before it knew them. What is in the chunk stands after it.
-                        self.at_byte = next_at_byte;
+                        self.position.at_byte = next_at_byte;
                         continue;
                     }
-                    match chunk::open_ros1(compression, size.into(), &self.data, &mut self.records) {
-                        Ok(()) => return Ok(self.loaded(next_at_byte)),
-                        Err(fault) => return self.chunk_failed(next_at_byte, fault),
+                    match chunk::open_ros1(compression, size.into(), &self.data, &mut self.position.records) {
+                        Ok(()) => return Ok(self.position.loaded(next_at_byte)),
+                        Err(fault) => {
+                            return self.position.chunk_failed(
+                                next_at_byte,
+                                fault,
+                                is_closed,
+                                "bz2, lz4 and none",
+                            );
+                        }
                     }
                 }
                 // Messages outside of chunks are those of a recorder that was killed: it writes a chunk's length at its end.
                 Some(&[op::CONNECTION | op::MESSAGE]) => {
                     self.read_data(data_bytes)?;
-                    self.records.clear();
+                    self.position.records.clear();
                     for part in [&self.header, &self.data] {
-                        self.records.extend((part.len() as u32).to_le_bytes());
-                        self.records.extend(part);
+                        self.position.records.extend((part.len() as u32).to_le_bytes());
+                        self.position.records.extend(part);
                     }
-                    return Ok(self.loaded(next_at_byte));
+                    return Ok(self.position.loaded(next_at_byte));
                 }
                 Some(&[op::BAG_HEADER | op::INDEX | op::CHUNK_INFO]) => {
                     // At most 4 GiB.
-                    self.file.seek_relative(data_bytes as i64).map_err(io_error(&self.path))?;
-                    self.at_byte = next_at_byte;
+                    self.file.seek_relative(data_bytes as i64).map_err(io_error(&self.position.path))?;
+                    self.position.at_byte = next_at_byte;
                 }
-                _ => return self.stop_short(NO_RECORD),
+                _ => return self.position.stop_short(NO_RECORD, is_closed),
             }
         }
     }
 
     /// Reads the header of the record at `at_byte`, and gives the length of the data after it; or what is wrong there.
     fn read_header(&mut self) -> Result<Result<u64, &'static str>, TripError> {
-        let n_left = self.n_bytes - self.at_byte;
+        let n_left = self.position.n_bytes - self.position.at_byte;
         let Some(header_bytes) = self.read_length(n_left)? else { return Ok(Err(TOO_LONG)) };
         if header_bytes > MAX_HEADER_BYTES {
             return Ok(Err(NO_RECORD));
@@ -217,7 +207,7 @@ impl Ros1Bag {
             return Ok(Err(TOO_LONG));
         }
         self.header.resize(header_bytes as usize, 0);
-        self.file.read_exact(&mut self.header).map_err(io_error(&self.path))?;
+        self.file.read_exact(&mut self.header).map_err(io_error(&self.position.path))?;
         let data_bytes = self.read_length(n_left)?;
         Ok(data_bytes.map(u64::from).ok_or(TOO_LONG))
     }
@@ -230,56 +220,14 @@ impl Ros1Bag {
         match self.file.read_exact(&mut bytes) {
             Ok(()) => Ok(Some(u32::from_le_bytes(bytes))),
             Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(None),
-            Err(error) => Err(io_error(&self.path)(error)),
+            Err(error) => Err(io_error(&self.position.path)(error)),
         }
     }
 
     /// * `n_bytes` — that the file has
     fn read_data(&mut self, n_bytes: u64) -> Result<(), TripError> {
         self.data.resize(n_bytes as usize, 0);
-        self.file.read_exact(&mut self.data).map_err(io_error(&self.path))
-    }
-
-    fn loaded(&mut self, next_at_byte: u64) -> bool {
-        self.records_at_byte = self.at_byte;
-        self.at_byte = next_at_byte;
-        self.next_in_records = 0;
-        true
-    }
-
-    /// The record at `at_byte` is not whole: the end of a bag that was cut off, damage in any other.
-    fn stop_short(&mut self, what: &str) -> Result<bool, TripError> {
-        self.records.clear();
-        self.next_in_records = 0;
-        if self.is_closed() {
-            return Err(self.damaged(what.to_owned()));
-        }
-        self.end = Some(End::CutOff);
-        Ok(false)
-    }
-
-    fn chunk_failed(&mut self, next_at_byte: u64, fault: ChunkFault) -> Result<bool, TripError> {
-        self.records.clear();
-        self.next_in_records = 0;
-        match fault {
-            ChunkFault::Damaged { what } if next_at_byte == self.n_bytes => self.stop_short(&what),
-            ChunkFault::Damaged { what } => Err(self.damaged(what)),
-            ChunkFault::TooLarge { n_bytes } => Err(self.too_large(n_bytes, chunk::MAX_CHUNK_BYTES)),
-            ChunkFault::UnsupportedCompression { name } => Err(TripError::UnsupportedCompression {
-                path: self.path.clone(),
-                at_byte: self.at_byte,
-                name,
-                supported: "bz2, lz4 and none",
-            }),
-        }
-    }
-
-    fn damaged(&self, what: String) -> TripError {
-        TripError::Damaged { path: self.path.clone(), at_byte: self.at_byte, what }
-    }
-
-    fn too_large(&self, n_bytes: u64, limit: u64) -> TripError {
-        TripError::TooLarge { path: self.path.clone(), at_byte: self.at_byte, n_bytes, limit }
+        self.file.read_exact(&mut self.data).map_err(io_error(&self.position.path))
     }
 }
 
