@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use kinds_model::{Covariance, KindsBy, LandmarkChoice, Scale, StartsOn, WhiteningPlan};
-use kinds_trainer::{CommandsConfig, Config, LandmarkNumber, MethodChoice, MetricChoice};
+use kinds_model::{Covariance, KindsBy, LandmarkChoice, StartsOn, WhiteningPlan};
+use kinds_trainer::{CommandsConfig, Config, LandmarkNumber, MethodChoice, MetricChoice, ScaleChoice};
 
 use super::ReadingArguments;
 
@@ -103,9 +103,10 @@ impl TrainArguments {
     pub(crate) fn config(&self) -> Config {
         Config {
             response: self.response.map(|name| match name {
-                ScaleName::Range => Scale::Range,
-                ScaleName::Log => Scale::Log,
-                ScaleName::Inverse => Scale::Inverse,
+                ScaleName::Range => ScaleChoice::Range,
+                ScaleName::Log => ScaleChoice::Log,
+                ScaleName::Inverse => ScaleChoice::Inverse,
+                ScaleName::Auto => ScaleChoice::Auto,
             }),
             range_m_max: self.range_m_max,
             invalid_range_m: self.invalid_range_m,
@@ -168,6 +169,8 @@ enum ScaleName {
     Log,
     /// 1 / (range + offset)
     Inverse,
+    /// That of these by which kinds change most seldom on this trip
+    Auto,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -457,6 +457,33 @@ fn inspect_says_how_landmarks_were_chosen() {
 }
 
 #[test]
+fn the_scale_by_which_kinds_last_is_chosen_and_told() {
+    let robot = Robot::trained();
+    let train = |response: &str, more: &[&str]| {
+        let train = ["train", FIRST, "--response", response, "--output", "scale.kinds", "--kinds", "4"];
+        let outcome = robot.run(&[&train[..], more].concat());
+        assert_eq!(outcome.code, Some(0), "{outcome:?}");
+        (outcome, inspect(&robot, "scale.kinds"))
+    };
+    // How long kinds last by each, by training with it alone as a trial does.
+    let lasting = ["inverse", "log", "range"].map(|response| {
+        let (_, inspection) = train(response, &["--starts", "3"]);
+        (response, 1.0 - inspection["persistence"].as_f64().unwrap())
+    });
+    let least = lasting.iter().map(|(_, change)| *change).fold(1.0, f64::min);
+    let (expected, _) = lasting.iter().find(|(_, change)| *change <= 1.25 * least).unwrap();
+    let (outcome, inspection) = train("auto", &[]);
+    let of_each: Vec<String> = lasting
+        .iter()
+        .map(|(response, change)| format!("{:.1} frames by {response}", 1.0 / change))
+        .collect();
+    let told =
+        format!("scale: {expected}, by which 4 kinds are kept longest or nearly so: {}", of_each.join(", "));
+    assert!(outcome.stderr.contains(&told), "no {told:?} in {outcome:?}");
+    assert_eq!(inspection["plan"]["response"]["scale"].as_str().unwrap().to_lowercase(), *expected);
+}
+
+#[test]
 fn inspect_says_what_is_in_a_model() {
     let robot = Robot::trained();
     let model = crate::world::open_model(&robot.path(MODEL));

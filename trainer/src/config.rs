@@ -11,13 +11,15 @@ use serde::Deserialize;
 use crate::counts_seen::CountsSeen;
 use crate::landmark_number::LandmarkNumber;
 use crate::metric_choice::MetricChoice;
+use crate::scale_choice::ScaleChoice;
 
 /// Training as a RON file says it. Every field may be left out; then the sensor and the trips decide.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields, rename = "Train")]
 pub struct Config {
-    /// Scale on which frames are compared: range, log or inverse. Default: inverse.
-    pub response: Option<Scale>,
+    /// Scale on which frames are compared: range, log, inverse, or auto: that of these by which kinds change most seldom. Default:
+    /// inverse.
+    pub response: Option<ScaleChoice>,
     /// Largest useful range, metres, above 0. Default: the 99th percentile of the trips' valid readings.
     pub range_m_max: Option<f64>,
     /// Range that invalid readings are taken for, metres, 0 to `range_m_max`. Default: `range_m_max`.
@@ -299,7 +301,7 @@ impl Config {
         self.check()?;
         let useful_m = || seen.largest_useful() * sensor.metres_per_count;
         let usual = ResponsePlan::new(
-            self.response.unwrap_or(Scale::Inverse),
+            self.response.and_then(ScaleChoice::scale).unwrap_or(Scale::Inverse),
             self.range_m_max.unwrap_or_else(useful_m),
         );
         let seed = self.seed.unwrap_or(0);

@@ -22,6 +22,7 @@ mod remarks;
 pub mod report;
 mod rivals;
 mod runs;
+mod scale_choice;
 mod scores;
 mod segmentation;
 mod sequence;
@@ -53,6 +54,7 @@ pub use progress::{Progress, Stage};
 pub use registration::{Jittered, RegistrationScores};
 pub use rivals::{Methods, RivalError, Rivals};
 pub use runs::Runs;
+pub use scale_choice::ScaleChoice;
 pub use scores::{Confidence, DirectedScores, KappaLead, MethodScores, Scores};
 pub use segmentation::{
     KindDiffers, NameDiffers, SegmentFormat, Segmentation, SegmentationAgreement, SegmentationError,

@@ -12,6 +12,7 @@ use crate::counts_seen::CountsSeen;
 use crate::load::{LoadError, of_model};
 use crate::progress::{Progress, fitting};
 use crate::remarks::{remark_on_islands, remarks_on_kinds};
+use crate::scale_choice::{self, ChooseError, ScaleChoice};
 use crate::survey::survey;
 use crate::track::Track;
 use crate::trip_frames::{Digest, TripFrames};
@@ -68,6 +69,15 @@ pub enum TrainError {
     FitPca(FitError),
 }
 
+impl From<ChooseError> for TrainError {
+    fn from(error: ChooseError) -> Self {
+        match error {
+            ChooseError::Load(error) => Self::Load(error),
+            ChooseError::Fit(error) => Self::Fit(error),
+        }
+    }
+}
+
 impl TrainError {
     fn of_fitting(error: StreamError<LoadError>) -> Self {
         match error {
@@ -117,7 +127,12 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
     if origin.n_frames_invalid > 0 {
         remarks.push(format!("{} frames without any valid reading were left out", origin.n_frames_invalid));
     }
-    let plan = config.plan(sensor, &seen)?;
+    let mut plan = config.plan(sensor, &seen)?;
+    if config.response == Some(ScaleChoice::Auto) {
+        let (chosen, remark) = scale_choice::choose(&mut frames, &origin, plan, progress)?;
+        plan = chosen;
+        remarks.push(remark);
+    }
     let commands = config.commands_weight().map(|weight| {
         remarks.extend(remark_on_uncommanded(&commands));
         Commands { weight, of_frames: commands.into_iter().map(Option::unwrap_or_default).collect() }
