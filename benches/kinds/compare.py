@@ -7,9 +7,10 @@
 
 Each pair of trips is learnt from the first and judged on both:
 - ours: `kinds train TRIP1 --seed S` and nothing else; filtered kinds, as reports have them, and those of each frame by itself;
-- ours by itself at the same sizes as the others: the same model's numbers of dimensions and kinds are what the others get;
-- Isomap and PCA by scikit-learn on ranges, with its GaussianMixture; out of sample by their `transform`;
-- k-means by scikit-learn on ranges.
+- ours with `--response auto`: on the scale by which kinds last, filtered;
+- Isomap and PCA by scikit-learn on ranges, with its GaussianMixture, of as many dimensions and kinds as our first model has; out of
+  sample by their `transform`;
+- k-means by scikit-learn on ranges, of as many kinds.
 
 `kappa` and AMI are those of `kinds evaluate`: a frame is consistent if over half of the second trip's frames within the radius have
 its kind; chance is the second trip's kinds shifted in time; AMI is between a frame's kind and that of the nearest frame of the
@@ -152,21 +153,21 @@ class Revisits:
         }
 
 
-def ours(trips, seed, folder):
+def ours(trips, seed, folder, *more):
     """Filtered kinds and those of each frame by itself for both trips, and the model's numbers."""
     model = folder / "model.kinds"
-    run("train", trips[0].path, "--seed", str(seed), "--output", model)
+    run("train", trips[0].path, "--seed", str(seed), "--output", model, *more)
     manifest = json.loads(run("inspect", model, "--json"))
-    both = {"ours": [], "ours, each frame by itself": []}
+    filtered, by_itself = [], []
     for trip in trips:
         table = folder / "kinds.csv"
         run("replay", trip.path, "--model", model, "--bless", table)
         with open(table, newline="") as file:
             rows = list(csv.DictReader(file))
         assert len(rows) == len(trip.times), "a report for each frame"
-        both["ours"].append(numpy.array([int(row["filtered_kind"]) for row in rows]))
-        both["ours, each frame by itself"].append(numpy.array([int(row["kind"]) for row in rows]))
-    return both, manifest
+        filtered.append(numpy.array([int(row["filtered_kind"]) for row in rows]))
+        by_itself.append(numpy.array([int(row["kind"]) for row in rows]))
+    return filtered, by_itself, manifest
 
 
 def theirs(trips, n_dims, n_kinds, range_m_max, seed):
@@ -195,7 +196,9 @@ def compare(name, paths, radius_m, n_seeds, folder):
     revisits = Revisits(*trips, radius_m)
     scores, sizes = {}, []
     for seed in range(n_seeds):
-        found, manifest = ours(trips, seed, folder)
+        filtered, by_itself, manifest = ours(trips, seed, folder)
+        found = {"ours": filtered, "ours, each frame by itself": by_itself}
+        found["ours, --response auto"], _, _ = ours(trips, seed, folder, "--response", "auto")
         n_dims, n_kinds = manifest["n_dims"], manifest["n_kinds"]
         sizes.append((n_dims, n_kinds))
         range_m_max = manifest["plan"]["response"]["range_m_max"]

@@ -2,10 +2,9 @@
 
 use std::path::PathBuf;
 
-use kinds_model::Scale;
 use kinds_trainer::{
-    Config, Evaluation, EvaluationPlan, Meetings, MethodChoice, MethodScores, Methods, Rivals, evaluate,
-    load, train,
+    Config, Evaluation, EvaluationPlan, Meetings, MethodChoice, MethodScores, Methods, Rivals, ScaleChoice,
+    evaluate, load, train,
 };
 use kinds_trips::Selection;
 
@@ -43,7 +42,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// Median κ over five seeds of Isomap and PCA, at 8 dimensions and 8 kinds.
-fn kappas(trips: &[PathBuf; 2], response: Scale) -> [f64; 2] {
+fn kappas(trips: &[PathBuf; 2], response: ScaleChoice) -> [f64; 2] {
     let evaluations: Vec<Evaluation> = (0..5)
         .map(|seed| {
             let config = Config {
@@ -64,9 +63,9 @@ fn kappas(trips: &[PathBuf; 2], response: Scale) -> [f64; 2] {
 #[test]
 fn maze_kinds_are_as_consistent_as_scikit_learns() {
     let Some(trips) = trips("maze-tof16") else { return };
-    let [isomap, pca] = kappas(&trips, Scale::Range);
+    let [isomap, pca] = kappas(&trips, ScaleChoice::Range);
     assert!(isomap >= 0.60 && pca >= 0.60, "range: Isomap {isomap}, PCA {pca}");
-    let [isomap, _] = kappas(&trips, Scale::Inverse);
+    let [isomap, _] = kappas(&trips, ScaleChoice::Inverse);
     assert!(isomap >= 0.85, "inverse range: Isomap {isomap}");
 }
 
