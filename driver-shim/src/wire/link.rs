@@ -34,7 +34,7 @@ pub(crate) enum Received {
     End,
 }
 
-/// A socket that is bound.
+/// A socket that is bound, and whose reads do not wait.
 impl Link for UdpSocket {
     fn is_of_messages(&self) -> bool {
         true
@@ -45,7 +45,6 @@ impl Link for UdpSocket {
             return Ok(Received::Nothing);
         }
         match self.recv(room) {
-            // A datagram whose checksum is wrong wakes us, and is gone when it is read.
             Err(error) if is_passing(&error) => Ok(Received::Nothing),
             read => Ok(Received::Bytes(read?)),
         }

@@ -1,7 +1,7 @@
 //! What sends frames as bytes, as a device.
 
 use std::io;
-use std::net::UdpSocket;
+use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
 use kinds_messages::ns_since_epoch;
@@ -70,7 +70,7 @@ impl Wired {
             return Err(WireError::Unit { metres_per_count });
         }
         let link: Box<dyn Link> = match &address {
-            Address::Udp(socket) => match UdpSocket::bind(socket) {
+            Address::Udp(socket) => match listen(*socket) {
                 Ok(socket) => Box::new(socket),
                 Err(error) => return Err(WireError::Link { address, error }),
             },
@@ -168,6 +168,13 @@ impl Sensor for Wired {
     fn news(&mut self) -> Option<String> {
         self.troubles.news()
     }
+}
+
+/// A socket whose reads never wait: a datagram that woke us may be found spoilt, and gone, when it is read.
+fn listen(address: SocketAddr) -> Result<UdpSocket, io::Error> {
+    let socket = UdpSocket::bind(address)?;
+    socket.set_nonblocking(true)?;
+    Ok(socket)
 }
 
 fn foreign(part: &Part, ours: FrameLayout) -> String {
