@@ -203,6 +203,10 @@ impl<S: Sensor> Sensor for Faulty<S> {
             }
         }
     }
+
+    fn news(&mut self) -> Option<String> {
+        self.device.news()
+    }
 }
 
 #[cfg(test)]

@@ -67,6 +67,11 @@ impl Traffic {
         self.listener = Some(listener);
     }
 
+    /// Whose traffic it is.
+    pub(crate) fn sensor(&self) -> &SensorName {
+        &self.sensor
+    }
+
     /// Frames left unreported by services that went or fell silent, if services are followed.
     pub(crate) fn n_unreported(&self) -> u64 {
         match (&self.follower, self.flow) {

@@ -9,7 +9,7 @@
 //! for nobody, a replayed trip can wait for every report.
 //!
 //! Devices: [`Paced`] frames of a [`Source`], such as the [`Replay`] of a recorded trip or a
-//! [`simulated`] robot. [`Faulty`] wraps any of them and spoils some of its frames, to see what the others make of it.
+//! [`simulated`] robot; whatever sends frames as bytes ([`wire::Wired`]). [`Faulty`] wraps any of them and spoils some of its frames, to see what the others make of it.
 #![forbid(unsafe_code)]
 
 mod faults;
@@ -25,6 +25,7 @@ pub mod simulated;
 mod testing;
 #[cfg(test)]
 mod tests;
+pub mod wire;
 
 pub use faults::{Faults, FaultsError};
 pub use faulty::{Faulty, Injected};

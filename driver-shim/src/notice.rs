@@ -37,6 +37,13 @@ pub enum Notice {
         /// The oldest frame that it has not reported on.
         sequence: u64,
     },
+    /// The device has something to tell.
+    Device {
+        /// The sensor.
+        sensor: SensorName,
+        /// Its words.
+        news: String,
+    },
 }
 
 impl fmt::Display for Notice {
@@ -55,6 +62,7 @@ impl fmt::Display for Notice {
                 "the service for {sensor} has not reported on frame {sequence}; waiting (does it have a model of \
                  this sensor?)"
             ),
+            Self::Device { sensor, news } => write!(f, "{sensor}: {news}"),
         }
     }
 }

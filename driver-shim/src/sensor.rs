@@ -18,6 +18,11 @@ pub trait Sensor {
     ///
     /// After an error or [`Reading::End`] it is not called again.
     fn read(&mut self, counts: &mut [u16], timeout: Duration) -> Result<Reading, SensorError>;
+
+    /// The oldest of what the device has to tell a person and has not told yet. Asked for after each [`Self::read`].
+    fn news(&mut self) -> Option<String> {
+        None
+    }
 }
 
 /// What became of waiting for a frame.

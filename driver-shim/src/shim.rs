@@ -107,7 +107,11 @@ impl<S: Sensor> Shim<S> {
         let mut loan = self.frames.loan()?;
         let n_readings = loan.counts_mut().len();
         let frame = loop {
-            match self.device.read(loan.counts_mut(), TICK)? {
+            let reading = self.device.read(loan.counts_mut(), TICK)?;
+            while let Some(news) = self.device.news() {
+                notice(Notice::Device { sensor: self.traffic.sensor().clone(), news });
+            }
+            match reading {
                 Reading::Frame(capture) => {
                     break NumberedFrame { capture, sequence: self.next_sequence, n_readings };
                 }

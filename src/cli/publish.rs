@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use kinds_driver_shim::simulated::Floor;
+use kinds_driver_shim::wire::Address;
 use kinds_driver_shim::{Faults, Pace, Speed};
 use kinds_messages::SensorName;
-use kinds_trips::Selection;
+use kinds_trips::{FrameLayout, Selection};
 use serde::Deserialize;
 
 use super::{OwnableDomainArguments, ReadingArguments, configured, not_said};
@@ -29,12 +30,22 @@ pub(crate) struct PublishArguments {
 #[serde(default, deny_unknown_fields, rename = "Publish")]
 pub(crate) struct PublishConfig {
     /// Recorded trip to replay; with --simulate, which of the robot's trips to drive: a number
-    #[arg(long, required_unless_present_any = ["simulate", "config"])]
+    #[arg(long, required_unless_present_any = ["simulate", "device", "config"])]
     #[serde(deserialize_with = "as_flag")]
     trip: Option<PathBuf>,
     /// Drive a simulated robot instead
     #[arg(long, value_enum, value_name = "ROBOT")]
     simulate: Option<RobotName>,
+    /// Read frames from a device instead: udp://ADDRESS:PORT, stdin, or serial:///dev/NAME?baud=115200
+    #[arg(long, value_name = "DEVICE", conflicts_with_all = ["trip", "simulate"])]
+    #[serde(deserialize_with = "as_flag")]
+    device: Option<Address>,
+    /// Rows of the device's frames [default: 1]
+    #[arg(long, value_name = "N")]
+    rows: Option<u32>,
+    /// Readings in a row of the device's frames
+    #[arg(long, value_name = "N")]
+    columns: Option<u32>,
     /// Where Crunch drives: fourth-floor or fifth-floor [default: fourth-floor]
     #[arg(long)]
     #[serde(deserialize_with = "as_flag")]
@@ -72,6 +83,10 @@ pub(crate) struct PublishPlan {
 }
 
 pub(crate) enum SourcePlan {
+    Device {
+        address: Address,
+        layout: FrameLayout,
+    },
     Trip {
         path: PathBuf,
         selection: Selection,
@@ -96,6 +111,9 @@ impl PublishConfig {
         Self {
             trip: over.trip.or(self.trip),
             simulate: over.simulate.or(self.simulate),
+            device: over.device.or(self.device),
+            rows: over.rows.or(self.rows),
+            columns: over.columns.or(self.columns),
             world: over.world.or(self.world),
             seed: over.seed.or(self.seed),
             sensor: over.sensor.or(self.sensor),
@@ -120,6 +138,14 @@ impl PublishConfig {
 
     fn source(&self) -> Result<SourcePlan, Failure> {
         let refuse = |words: String| Err(Failure::AskedWrongly(words));
+        if let Some(address) = &self.device {
+            return self.device_source(address);
+        }
+        if self.rows.is_some() || self.columns.is_some() {
+            return refuse(
+                "rows and columns are a device's; leave them out, or say which with --device".to_string(),
+            );
+        }
         match (self.simulate, &self.trip) {
             (None, None) => Err(not_said("what to publish", "trip")),
             (None, Some(_)) if self.world.is_some() || self.seed.is_some() => refuse(
@@ -142,6 +168,28 @@ impl PublishConfig {
                 Ok(SourcePlan::Robot { name, floor, trip, seed: self.seed.unwrap_or(0) })
             }
         }
+    }
+
+    fn device_source(&self, address: &Address) -> Result<SourcePlan, Failure> {
+        let others = [
+            ("trip", self.trip.is_some()),
+            ("simulate", self.simulate.is_some()),
+            ("world", self.world.is_some()),
+            ("seed", self.seed.is_some()),
+            ("speed", self.speed.is_some()),
+        ];
+        if let Some((other, _)) = others.iter().find(|(_, is_said)| *is_said) {
+            let words = format!("a device's frames come as it sends them; leave out {other}");
+            return Err(Failure::AskedWrongly(words));
+        }
+        let layout = FrameLayout {
+            rows: self.rows.unwrap_or(1),
+            columns: self
+                .columns
+                .ok_or_else(|| not_said("how many readings a row of the device's frames has", "columns"))?,
+            metres_per_count: self.reading.selection(None).metres_per_count,
+        };
+        Ok(SourcePlan::Device { address: address.clone(), layout })
     }
 }
 

@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot};
-use kinds_driver_shim::{Faulty, Flow, Pace, Paced, Sensor, Shim, Source};
+use kinds_driver_shim::wire::{LeftOut, Wired};
+use kinds_driver_shim::{Faulty, Flow, Pace, Paced, Sensor, Shim};
 use kinds_messages::Node;
 use kinds_trips::TripReader;
 
@@ -19,12 +20,23 @@ pub(crate) fn run(arguments: &PublishArguments) -> Result<(), Failure> {
     let plan = arguments.plan()?;
     match &plan.source {
         &SourcePlan::Robot { name, floor, trip, seed } => {
-            publish(robot(name, floor, trip, seed), arguments, &plan, &stop, |_| None)
+            let device = Paced::new(robot(name, floor, trip, seed), plan.pace);
+            publish(device, arguments, &plan, &stop, |_| None)
         }
         SourcePlan::Trip { path, selection } => {
-            let trip = TripReader::open(path, selection)?;
-            publish(trip, arguments, &plan, &stop, |trip| {
-                trip.truncation().map(|truncation| format!("trip {} {truncation}", path.display()))
+            let device = Paced::new(TripReader::open(path, selection)?, plan.pace);
+            publish(device, arguments, &plan, &stop, |device| {
+                let truncation = device.source().truncation();
+                truncation.map(|truncation| format!("trip {} {truncation}", path.display()))
+            })
+        }
+        SourcePlan::Device { address, layout } => {
+            let device = Wired::open(address.clone(), *layout)
+                .map_err(|error| Failure::CouldNot(error.to_string()))?;
+            publish(device, arguments, &plan, &stop, |device| {
+                let left_out = device.left_out();
+                (left_out != LeftOut::default())
+                    .then(|| format!("of what {address} sent, were left out: {left_out}"))
             })
         }
     }
@@ -38,24 +50,21 @@ pub(crate) fn robot(name: RobotName, floor: Floor, trip: u32, seed: u64) -> Box<
     }
 }
 
-/// Publishes a source to its end, with faults if they are asked for, and then says what `remark` has to say of it.
-fn publish<S: Source>(
-    source: S,
+/// Publishes a device to its end, with faults if they are asked for, and then says what `remark` has to say of it.
+fn publish<S: Sensor>(
+    device: S,
     arguments: &PublishArguments,
     plan: &PublishPlan,
     stop: &Arc<AtomicBool>,
     remark: impl Fn(&S) -> Option<String>,
 ) -> Result<(), Failure> {
-    let device = Paced::new(source, plan.pace);
     let Some(faults) = &plan.faults else {
-        return publish_device(device, arguments, plan, stop, |device| {
-            remark(device.source()).into_iter().collect()
-        });
+        return publish_device(device, arguments, plan, stop, |device| remark(device).into_iter().collect());
     };
     let faulty = Faulty::new(device, faults.clone());
     publish_device(faulty, arguments, plan, stop, |faulty| {
         let injected = format!("faults were injected into {}", faulty.injected());
-        remark(faulty.device().source()).into_iter().chain([injected]).collect()
+        remark(faulty.device()).into_iter().chain([injected]).collect()
     })
 }
 
@@ -74,7 +83,7 @@ fn publish_device<S: Sensor>(
     let flow = match (plan.pace, &plan.source) {
         _ if plan.follow => Flow::Followed,
         // A robot waits for nobody.
-        (Pace::Recorded(_), SourcePlan::Robot { .. }) => Flow::Live,
+        (_, SourcePlan::Device { .. }) | (Pace::Recorded(_), SourcePlan::Robot { .. }) => Flow::Live,
         (pace, _) => pace.flow(),
     };
     let mut shim = Shim::new(&node, sensor, device, flow)?;

@@ -55,13 +55,24 @@ fn with_each_field(text: &str) -> Vec<String> {
     texts
 }
 
+/// The text, but with a device alone where it has one of a device's fields: there is one of these two.
+fn instead_of_the_simulation(text: &str) -> String {
+    let has = |field: &str| text.lines().any(|line| line.trim_start().starts_with(field));
+    if !["device: ", "rows: ", "columns: "].iter().any(|field| has(field)) {
+        return text.to_string();
+    }
+    let lacking = [("device: ", "device: \"stdin\","), ("columns: ", "columns: 4,")];
+    let lacking = lacking.iter().filter(|(field, _)| !has(field)).map(|(_, line)| *line);
+    text.replace("simulate: crunch,", &lacking.collect::<String>())
+}
+
 #[test]
 fn every_configuration_that_is_shipped_is_right_with_each_of_its_fields() {
     let robot = Robot::new();
     for (path, _) in CONFIGURATIONS {
         let texts = with_each_field(&shipped(path));
         for text in &texts {
-            robot.write("shipped.ron", text);
+            robot.write("shipped.ron", instead_of_the_simulation(text));
             let said = robot.succeed(&["check", "shipped.ron"]);
             assert!(said.starts_with("shipped.ron is right, for kinds "), "{path}: {said}");
         }

@@ -10,6 +10,7 @@ mod commands;
 mod consumer;
 mod consumers;
 mod demo;
+mod devices;
 mod doctor;
 mod evaluate;
 mod faults;
