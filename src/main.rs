@@ -21,6 +21,7 @@ mod ron_file;
 mod say;
 mod stop;
 mod trip_file;
+mod trip_folder;
 mod whole_file;
 
 use std::process::ExitCode;

@@ -1,6 +1,9 @@
 //! A sensor's frames as a trip: which topics they and what is known of them go to.
 
+use std::io;
 use std::path::Path;
+use std::sync::Arc;
+use std::thread::JoinHandle;
 
 use kinds_driver_shim::Capture;
 use kinds_messages::{Command, Pose};
@@ -12,11 +15,13 @@ pub(crate) const TRUE_POSES: &str = "/ground_truth";
 /// A trip being written. Dropped before its end, it leaves nothing behind.
 pub(crate) struct TripFile {
     writer: TripWriter,
+    /// Waits until the disk has what was flushed, so that whoever writes need not.
+    syncing: Option<JoinHandle<io::Result<()>>>,
 }
 
 impl TripFile {
     pub(crate) fn create(path: &Path) -> Result<Self, TripWriteError> {
-        Ok(Self { writer: TripWriter::create(path, &WriterOptions::default())? })
+        Ok(Self { writer: TripWriter::create(path, &WriterOptions::default())?, syncing: None })
     }
 
     /// Adds a frame as a depth image, which keeps counts as they are: a ring is an image of few rows.
@@ -51,9 +56,48 @@ impl TripFile {
         self.writer.write_numbers("/kinds", at, "kind", probabilities)
     }
 
-    /// Hands everything to the system: what a crash from here on cannot take.
+    /// Adds how many frames of the trip are missing so far: on the way here, and for want of room.
+    pub(crate) fn add_losses(
+        &mut self,
+        at: Stamp,
+        n_lost: u64,
+        n_left_out: u64,
+    ) -> Result<(), TripWriteError> {
+        self.writer.write_numbers(
+            "/lost",
+            at,
+            "lost, left out for want of room",
+            &[n_lost as f64, n_left_out as f64],
+        )
+    }
+
+    /// Bytes that the system has been handed.
+    pub(crate) fn n_bytes(&self) -> io::Result<u64> {
+        Ok(self.writer.file().metadata()?.len())
+    }
+
+    /// Hands everything to the system: what a crash of this program from here on cannot take.
     pub(crate) fn flush(&mut self) -> Result<(), TripWriteError> {
         self.writer.flush()
+    }
+
+    /// Has what was flushed brought to the disk, beside whatever is done next: a power cut then cannot take it either.
+    ///
+    /// A slow disk that is still at it is left alone until the next time.
+    ///
+    /// # Errors
+    ///
+    /// The disk failed the last time.
+    pub(crate) fn sync(&mut self) -> io::Result<()> {
+        match self.syncing.take() {
+            Some(syncing) if !syncing.is_finished() => self.syncing = Some(syncing),
+            ended => {
+                ended.map_or(Ok(()), |syncing| syncing.join().expect("it does nothing that panics"))?;
+                let file = Arc::clone(self.writer.file());
+                self.syncing = Some(std::thread::Builder::new().spawn(move || file.sync_data())?);
+            }
+        }
+        Ok(())
     }
 
     /// Closes the trip and gives it its name.

@@ -1,6 +1,7 @@
 //! What can be asked of `kinds record`.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Args;
 use kinds_messages::SensorName;
@@ -9,6 +10,10 @@ use serde::Deserialize;
 use super::{DomainArguments, configured, not_said};
 use crate::failure::Failure;
 use crate::ron_file::as_flag;
+
+/// Room that is left to the robot's other programs unless something else is asked for. What a recorder writes between two
+/// looks at it is a small part.
+const FREE_MB_MIN: u64 = 500;
 
 #[derive(Args, Debug)]
 pub(crate) struct RecordArguments {
@@ -35,6 +40,19 @@ pub(crate) struct RecordConfig {
     /// End after this many frames [default: at SIGINT or SIGTERM]
     #[arg(long, value_name = "N")]
     count: Option<u64>,
+    /// Begin another trip when one has so many megabytes (10⁶ bytes); needs a folder [default: never]
+    #[arg(long, value_name = "MB")]
+    trip_mb_max: Option<u64>,
+    /// Begin another trip when one has so many seconds; needs a folder [default: never]
+    #[arg(long, value_name = "S")]
+    trip_s_max: Option<u64>,
+    /// Keep the last N trips of this sensor in the folder, what was left of killed recordings among them, and remove those
+    /// before [default: all]
+    #[arg(long, value_name = "N")]
+    keep: Option<usize>,
+    /// Pause while fewer megabytes are free where the trip goes, and go on when there is room [default: 500]
+    #[arg(long, value_name = "MB")]
+    free_mb_min: Option<u64>,
 }
 
 /// What is to be recorded, and where.
@@ -42,6 +60,22 @@ pub(crate) struct RecordPlan {
     pub(crate) sensor: SensorName,
     pub(crate) output: PathBuf,
     pub(crate) count: Option<u64>,
+    pub(crate) limits: Limits,
+}
+
+/// How much a recorder may take up.
+pub(crate) struct Limits {
+    pub(crate) trip_bytes_max: Option<u64>,
+    pub(crate) trip_duration_max: Option<Duration>,
+    pub(crate) n_kept: Option<usize>,
+    pub(crate) free_bytes_min: u64,
+}
+
+impl Limits {
+    /// Whether only a folder will do, since there is more than one trip to be.
+    pub(crate) fn need_folder(&self) -> bool {
+        self.trip_bytes_max.is_some() || self.trip_duration_max.is_some() || self.n_kept.is_some()
+    }
 }
 
 impl RecordArguments {
@@ -56,14 +90,35 @@ impl RecordConfig {
             sensor: over.sensor.or(self.sensor),
             output: over.output.or(self.output),
             count: over.count.or(self.count),
+            trip_mb_max: over.trip_mb_max.or(self.trip_mb_max),
+            trip_s_max: over.trip_s_max.or(self.trip_s_max),
+            keep: over.keep.or(self.keep),
+            free_mb_min: over.free_mb_min.or(self.free_mb_min),
         }
     }
 
     pub(crate) fn plan(self) -> Result<RecordPlan, Failure> {
+        const MB: u64 = 1_000_000;
+        let keep = self.keep.map(|keep| keep as u64);
+        for (field, value) in
+            [("trip_mb_max", self.trip_mb_max), ("trip_s_max", self.trip_s_max), ("keep", keep)]
+        {
+            if value == Some(0) {
+                return Err(Failure::AskedWrongly(format!(
+                    "{field} is 0; it must be at least 1, or left out"
+                )));
+            }
+        }
         Ok(RecordPlan {
             sensor: self.sensor.ok_or_else(|| not_said("which sensor to record", "sensor"))?,
             output: self.output.ok_or_else(|| not_said("where to record to", "output"))?,
             count: self.count,
+            limits: Limits {
+                trip_bytes_max: self.trip_mb_max.map(|mb| mb.saturating_mul(MB)),
+                trip_duration_max: self.trip_s_max.map(Duration::from_secs),
+                n_kept: self.keep,
+                free_bytes_min: self.free_mb_min.unwrap_or(FREE_MB_MIN).saturating_mul(MB),
+            },
         })
     }
 }

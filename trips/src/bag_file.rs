@@ -9,6 +9,7 @@ use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, McapError};
@@ -73,6 +74,8 @@ pub(crate) struct BagFile {
     target: PathBuf,
     is_of_ros2: bool,
     mcap: mcap::Writer<BufWriter<NamedTempFile>>,
+    /// The same open file, to ask for what the writer hides.
+    file: Arc<File>,
     channels: BTreeMap<u16, Written>,
     /// Times of the earliest and the latest message, ns.
     logged: Option<(u64, u64)>,
@@ -102,7 +105,8 @@ impl BagFile {
         if path.is_dir() {
             return Err(TripWriteError::IsDirectory { path: path.to_owned() });
         }
-        let file = partial_file(path).map_err(io_error(path))?;
+        let partial = partial_file(path).map_err(io_error(path))?;
+        let file = Arc::new(partial.as_file().try_clone().map_err(io_error(path))?);
         let compression = match options.compression {
             Compression::None => None,
             Compression::Lz4 => Some(mcap::Compression::Lz4),
@@ -120,10 +124,11 @@ impl BagFile {
             .emit_message_indexes(options.indexed)
             .emit_summary_records(options.indexed)
             .emit_summary_offsets(options.indexed)
-            .create(BufWriter::new(file))
+            .create(BufWriter::new(partial))
             .map_err(mcap_error(path))?;
         let is_of_ros2 = profile == ROS2;
-        Ok(BagFile { target: path.to_owned(), is_of_ros2, mcap, channels: BTreeMap::new(), logged: None })
+        let target = path.to_owned();
+        Ok(BagFile { target, is_of_ros2, mcap, file, channels: BTreeMap::new(), logged: None })
     }
 
     /// Adds a channel, and returns its number. One that says the same of itself as another is that other.
@@ -173,6 +178,11 @@ impl BagFile {
     /// Closes the current chunk and hands everything to the system: what a crash from here on cannot take.
     pub(crate) fn flush(&mut self) -> Result<(), TripWriteError> {
         self.mcap.flush().map_err(mcap_error(&self.target))
+    }
+
+    /// The file as the system has it: how long it is, and whether the disk has it too.
+    pub(crate) fn file(&self) -> &Arc<File> {
+        &self.file
     }
 
     /// Closes the bag, waits until the disk has it, and gives it its name.

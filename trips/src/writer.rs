@@ -1,7 +1,9 @@
 //! Writes a trip: frames, poses and commands as standard ROS 2 messages, each with the full text of its definition.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::Path;
+use std::sync::Arc;
 
 use mcap::records::MessageHeader;
 
@@ -231,6 +233,12 @@ impl TripWriter {
     /// The file cannot be written.
     pub fn flush(&mut self) -> Result<(), TripWriteError> {
         self.bag.flush()
+    }
+
+    /// The file as the system has it, to ask how long it is, or to wait, in whatever thread, until the disk has what was
+    /// flushed.
+    pub fn file(&self) -> &Arc<File> {
+        self.bag.file()
     }
 
     /// Closes the trip, waits until the disk has it, and gives it its name.
