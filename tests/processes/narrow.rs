@@ -60,7 +60,8 @@ fn a_full_disk_is_a_sentence_with_the_path_and_leaves_no_part_of_a_file() {
     );
     assert!(!outcome.stdout.contains("kinds-") && !outcome.stdout.contains("m.kinds"), "{outcome:?}");
     let shim = robot.start(&["publish", "--simulate", "crunch", "--sensor", SENSOR, "--speed", "100"]);
-    let record = ["record", "--sensor", SENSOR, "--output", "small/trip.mcap"];
+    // Otherwise it would wait for room.
+    let record = ["record", "--sensor", SENSOR, "--output", "small/trip.mcap", "--free-mb-min", "0"];
     let outcome = run_among_mounts(&robot, &listed, &record).unwrap();
     assert_eq!((outcome.code, outcome.stdout.as_str()), (Some(1), ""), "{outcome:?}");
     assert!(outcome.stderr.contains("small/trip.mcap: "), "{outcome:?}");
@@ -128,8 +129,7 @@ fn the_superuser_leaves_nothing_in_the_way_of_the_user_whose_domain_it_is() {
     let robot = Robot::trained();
     let root = &robot.domain().root;
     std::os::unix::fs::chown(root, Some(NOBODY), Some(NOBODY)).unwrap();
-    let cure =
-        "run it as nobody (sudo -u nobody kinds …; User=nobody in a systemd unit), or choose another domain";
+    let cure = "run it as nobody (sudo -u nobody …; User=nobody in a systemd unit), or choose another domain";
     for verb in [&["serve", "--model", MODEL][..], &["publish", "--trip", SECOND], &["watch"], &["reload"]] {
         robot.refuse_with(&[verb, &["--sensor", SENSOR]].concat(), 1, &[cure]);
     }
