@@ -23,6 +23,8 @@
 //! | `geodesics` | f32 (n_frames, n_landmarks) | G (`isomap` alone) |
 //! | `digest` | u8 (32) | its first 16 bytes are the model's id |
 
+mod error;
+
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -33,6 +35,7 @@ use safetensors::tensor::{Dtype, TensorView};
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
+pub use self::error::ModelFileError;
 use crate::array::Array;
 use crate::command::N_COMMAND_COLUMNS;
 use crate::comparison::Comparison;
@@ -41,8 +44,7 @@ use crate::form::Form;
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
 use crate::mds::Embedding;
-use crate::metric::MetricError;
-use crate::mixture::{Mixture, MixtureError};
+use crate::mixture::Mixture;
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX};
 use crate::novelty::{N_MEASURED, Novelty};
 use crate::plan::Method;
@@ -59,70 +61,6 @@ const DIGEST: &str = "digest";
 
 #[cfg(target_endian = "big")]
 compile_error!("model files are little-endian and are read where they lie");
-
-/// Why bytes are not a model.
-#[derive(Debug, thiserror::Error)]
-pub enum ModelFileError {
-    /// Not the container, or cut off.
-    #[error(
-        "not a whole model file: {n_bytes} bytes do not hold what their header announces ({reason}); copy it again or train anew"
-    )]
-    Container {
-        /// Length of what was given.
-        n_bytes: usize,
-        /// What the container's reader says.
-        reason: String,
-    },
-    /// The container of something else.
-    #[error("not a model of natural kinds: its metadata has no manifest")]
-    NoManifest,
-    /// Another version.
-    #[error(
-        "model file of format {found}; this program reads format {FORMAT}: train anew, or use the program that made it"
-    )]
-    OtherFormat {
-        /// Its format.
-        found: u32,
-    },
-    /// The manifest cannot be read.
-    #[error("the model's manifest cannot be read: {reason}")]
-    Manifest {
-        /// Where and why.
-        reason: String,
-    },
-    /// Contents changed after they were written.
-    #[error(
-        "the model file is damaged: its contents have digest {found} and not {written}; copy it again or train anew"
-    )]
-    Digest {
-        /// What the contents give.
-        found: String,
-        /// What the file says.
-        written: String,
-    },
-    /// Arrays that the manifest does not announce.
-    #[error("the model's array {name} is {found}; its manifest announces {expected}")]
-    Array {
-        /// Which.
-        name: String,
-        /// What is there, in words.
-        found: String,
-        /// What should be.
-        expected: String,
-    },
-    /// Numbers that cannot be.
-    #[error("the model's {what}; train anew")]
-    Contents {
-        /// What is wrong, in words.
-        what: &'static str,
-    },
-    /// A metric that does not fit the sensor.
-    #[error("the model does not fit its own sensor; train anew: {0}")]
-    Metric(#[from] MetricError),
-    /// Kinds that cannot be.
-    #[error(transparent)]
-    Mixture(#[from] MixtureError),
-}
 
 /// An array of the file.
 struct NamedArray<'a> {
@@ -480,7 +418,6 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
 mod tests {
     use super::*;
     use crate::command::{Command, CommandScale, Commands};
-
     use crate::fit::{fit, fit_with_commands};
     use crate::frames::SensorLayout;
     use crate::metric::MetricPlan;

@@ -132,7 +132,7 @@ impl HeldOut {
     }
 }
 
-/// Textures of some frames, what all look like, and what the some measure by it.
+/// Of some frames among all: their textures, what all look like, and how far each of the some is from that.
 fn looks(features: &ManyFeatures, chosen: &[u32]) -> (Vec<Texture>, Option<Form>, Vec<f64>) {
     let textures = chosen.iter().map(|&frame| features.textures[frame as usize]).collect();
     match features.means.len() / features.n_frames() {

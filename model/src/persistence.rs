@@ -12,7 +12,7 @@
 //! It has no delay: a frame that speaks clearly for another kind is believed at once, one that does not is taken for more of the same.
 //! After k frames that nobody saw, s becomes s^(k+1).
 
-use crate::mixture::{Mixture, most_probable};
+use crate::mixture::most_probable;
 
 /// Fewest kinds that can change.
 const N_KINDS_MIN: usize = 2;
@@ -100,24 +100,20 @@ fn weigh(probabilities: &mut [f64], posterior: &[f64], weights: &[f64]) {
     }
 }
 
-/// Learns s from the frames that a mixture was fitted to, by Baum–Welch for this one number: s is the expected share of frames whose
+/// Learns s from the frames that kinds were learnt from, by Baum–Welch for this one number: s is the expected share of frames whose
 /// kind was kept.
 ///
-/// * `coordinates` — shape `(n_frames, n_dims)`
+/// * `posteriors` — of each frame by itself, shape `(n_frames, n_kinds)`
+/// * `weights` — α, shape `(n_kinds,)`
 /// * `trips` — frames of each trip, in order
 ///
 /// At most such that one change is expected in as many frames; 0 where there is nothing to change. O(n_frames · n_kinds) for some
 /// tens of passes.
-pub(crate) fn learn(mixture: &Mixture, coordinates: &[f64], trips: &[usize]) -> f64 {
-    let n_kinds = mixture.n_kinds();
-    let n_frames = coordinates.len() / mixture.n_dims();
+pub(crate) fn learn(posteriors: &[f64], weights: &[f64], trips: &[usize]) -> f64 {
+    let n_kinds = weights.len();
+    let n_frames = posteriors.len() / n_kinds;
     if n_kinds < N_KINDS_MIN || n_frames <= trips.len() {
         return 0.0;
-    }
-    let mut posteriors = vec![0.0; n_frames * n_kinds];
-    let places = coordinates.chunks_exact(mixture.n_dims());
-    for (place, posterior) in places.zip(posteriors.chunks_exact_mut(n_kinds)) {
-        mixture.posterior(place, posterior);
     }
     let highest = 1.0 - 1.0 / n_frames as f64;
     let (mut persistence, mut forward) = (BEGIN.min(highest), vec![0.0; posteriors.len()]);
@@ -126,8 +122,7 @@ pub(crate) fn learn(mixture: &Mixture, coordinates: &[f64], trips: &[usize]) -> 
         let (mut n_kept, mut n_steps) = (0.0, 0);
         for n_in_trip in trips {
             let range = begin * n_kinds..(begin + n_in_trip) * n_kinds;
-            n_kept +=
-                n_kept_in(&posteriors[range.clone()], mixture.weights(), persistence, &mut forward[range]);
+            n_kept += n_kept_in(&posteriors[range.clone()], weights, persistence, &mut forward[range]);
             n_steps += n_in_trip.saturating_sub(1);
             begin += n_in_trip;
         }
@@ -186,6 +181,7 @@ mod tests {
     use rand_chacha::rand_core::SeedableRng;
 
     use super::*;
+    use crate::mixture::Mixture;
 
     fn distribution(n_kinds: usize) -> impl Strategy<Value = Vec<f64>> {
         prop::collection::vec(0.01..1.0_f64, n_kinds).prop_map(|numbers| {
@@ -311,15 +307,18 @@ mod tests {
             // The sum of twelve uniform numbers has a variance of 1.
             4.0 * kind as f64 + (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>()
         };
-        let coordinates: Vec<f64> = (0..20_000).map(|_| place()).collect();
+        let posterior = |place: f64| {
+            let mut posterior = [0.0; 2];
+            mixture.posterior(&[place], &mut posterior);
+            posterior
+        };
+        let posteriors: Vec<[f64; 2]> = (0..20_000).map(|_| posterior(place())).collect();
+        let posteriors = posteriors.as_flattened();
         // A thousand changes are drawn, give or take thirty or so.
-        let found = learn(&mixture, &coordinates, &[15_000, 5000]);
+        let found = learn(posteriors, mixture.weights(), &[15_000, 5000]);
         assert!((found - 0.95).abs() < 0.005, "{found}");
-        assert_eq!(
-            learn(&Mixture::new(1, vec![1.0], vec![0.0], vec![1.0]).unwrap(), &coordinates, &[20_000]),
-            0.0
-        );
-        assert_eq!(learn(&mixture, &coordinates[..2], &[1, 1]), 0.0);
-        assert_eq!(learn(&mixture, &[0.0; 100], &[100]), 0.99);
+        assert_eq!(learn(&[1.0; 20_000], &[1.0], &[20_000]), 0.0);
+        assert_eq!(learn(&posteriors[..4], mixture.weights(), &[1, 1]), 0.0);
+        assert_eq!(learn([posterior(0.0); 100].as_flattened(), mixture.weights(), &[100]), 0.99);
     }
 }

@@ -7,11 +7,12 @@
 
 use std::ops::Range;
 
-use kinds_model::{EmPlan, FitError, FitPlan, FrameSource, Origin, ResponsePlan, Scale, fit};
+use kinds_model::{EmPlan, FitPlan, FrameSource, Origin, ResponsePlan, Scale, fit};
 use serde::Deserialize;
 
 use crate::load::LoadError;
 use crate::progress::{Progress, fitting};
+use crate::train::TrainError;
 use crate::trip_frames::TripFrames;
 
 /// The scale on which frames are compared.
@@ -71,17 +72,16 @@ pub(crate) fn choose(
     origin: &Origin,
     plan: FitPlan,
     progress: &mut Progress,
-) -> Result<(FitPlan, String), ChooseError> {
+) -> Result<(FitPlan, String), TrainError> {
     let n_frames = frames.n_frames();
     let stretches = stretches(n_frames);
-    let counts = read(frames, &stretches, plan.sensor.n_readings()).map_err(ChooseError::Load)?;
+    let counts = read(frames, &stretches, plan.sensor.n_readings())?;
     let n_in_trips = match stretches.len() {
         1 => origin.trips(n_frames),
         _ => stretches.iter().map(Range::len).collect(),
     };
     let n_kinds = plan.n_kinds.unwrap_or(plan.n_kinds_min).max(2);
-    let (mut trials, mut first_error) = (Vec::new(), None);
-    for scale in TRIED {
+    let mut fit_by = |scale| {
         let tried = FitPlan {
             response: ResponsePlan { scale, ..plan.response },
             n_kinds: Some(n_kinds),
@@ -89,25 +89,18 @@ pub(crate) fn choose(
             ..plan.clone()
         };
         let origin = Origin { n_frames: n_in_trips.clone(), ..Origin::default() };
-        match fit(counts.clone(), &tried, origin, &mut fitting(progress)) {
-            Ok(model) => trials.push((scale, 1.0 - model.manifest().persistence)),
-            Err(error) => first_error = first_error.or(Some(error)),
-        }
-    }
-    match (most_lasting(&trials), first_error) {
+        let model = fit(counts.clone(), &tried, origin, &mut fitting(progress))?;
+        Ok((scale, 1.0 - model.manifest().persistence))
+    };
+    let fitted = TRIED.map(&mut fit_by);
+    let trials: Vec<Trial> = fitted.iter().flatten().copied().collect();
+    match (most_lasting(&trials), fitted) {
         (Some(scale), _) => {
             let response = ResponsePlan { scale, ..plan.response };
             Ok((FitPlan { response, ..plan }, told(scale, n_kinds, &trials)))
         }
-        (None, Some(error)) => Err(ChooseError::Fit(error)),
-        (None, None) => unreachable!("a scale makes a model or an error"),
+        (None, [first, ..]) => Err(TrainError::Fit(first.expect_err("no scale made a model"))),
     }
-}
-
-/// Why no scale could be chosen.
-pub(crate) enum ChooseError {
-    Load(LoadError),
-    Fit(FitError),
 }
 
 /// The first scale whose kinds change hardly more often than those of any other.

@@ -12,7 +12,7 @@ use crate::counts_seen::CountsSeen;
 use crate::load::{LoadError, of_model};
 use crate::progress::{Progress, fitting};
 use crate::remarks::{remark_on_islands, remarks_on_kinds};
-use crate::scale_choice::{self, ChooseError, ScaleChoice};
+use crate::scale_choice::{self, ScaleChoice};
 use crate::survey::survey;
 use crate::track::Track;
 use crate::trip_frames::{Digest, TripFrames};
@@ -67,15 +67,6 @@ pub enum TrainError {
     /// The mathematics of the second method.
     #[error("cannot train by principal components beside Isomap: {0}; ask for one method")]
     FitPca(FitError),
-}
-
-impl From<ChooseError> for TrainError {
-    fn from(error: ChooseError) -> Self {
-        match error {
-            ChooseError::Load(error) => Self::Load(error),
-            ChooseError::Fit(error) => Self::Fit(error),
-        }
-    }
 }
 
 impl TrainError {

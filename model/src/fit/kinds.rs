@@ -9,16 +9,17 @@ use crate::evidence::{
 };
 use crate::mixture::{Mixture, most_probable};
 use crate::model::{DirichletProvenance, DirichletTrial, Provenance};
+use crate::persistence;
 use crate::plan::{FitPlan, KindsBy};
 
-/// Fits the mixture, of as many kinds as the plan asks for or the evidence speaks for.
+/// Fits the mixture, of as many kinds as the plan asks for or the evidence speaks for, and learns how persistent they are.
 pub(super) fn find_kinds(
     coordinates: &[f64],
     n_dims: usize,
     plan: &FitPlan,
     provenance: &mut Provenance,
     progress: &mut Progress,
-) -> Result<Mixture, FitError> {
+) -> Result<(Mixture, f64), FitError> {
     let n_trained = coordinates.len() / n_dims;
     let trips = provenance.origin.trips(n_trained);
     provenance.n_frames_effective = n_frames_effective(coordinates, n_dims, &trips);
@@ -28,8 +29,10 @@ pub(super) fn find_kinds(
     };
     let n_parameters = plan.em.covariance.n_parameters(mixture.n_kinds(), n_dims) as f64;
     provenance.bic = -2.0 * provenance.log_likelihood + n_parameters * (n_trained as f64).ln();
-    provenance.largest_kind_share = largest_kind_share(&mixture, coordinates);
-    Ok(mixture)
+    let posteriors = posteriors(&mixture, coordinates);
+    provenance.largest_kind_share = largest_kind_share(&posteriors, mixture.n_kinds());
+    let persistence = persistence::learn(&posteriors, mixture.weights(), &trips);
+    Ok((mixture, persistence))
 }
 
 fn find_by_em(
@@ -94,14 +97,21 @@ fn find_by_dirichlet(
     Ok(fit.mixture)
 }
 
-/// Share of the frames that are most probably of the kind which most are of.
-fn largest_kind_share(mixture: &Mixture, coordinates: &[f64]) -> f64 {
-    let mut probabilities = vec![0.0; mixture.n_kinds()];
-    let mut n_frames_of = vec![0_usize; mixture.n_kinds()];
-    for place in coordinates.chunks_exact(mixture.n_dims()) {
-        mixture.posterior(place, &mut probabilities);
-        n_frames_of[most_probable(&probabilities)] += 1;
+/// Of every frame, shape `(n_frames, n_kinds)`.
+fn posteriors(mixture: &Mixture, coordinates: &[f64]) -> Vec<f64> {
+    let n_kinds = mixture.n_kinds();
+    let places = coordinates.chunks_exact(mixture.n_dims());
+    let mut posteriors = vec![0.0; places.len() * n_kinds];
+    for (place, posterior) in places.zip(posteriors.chunks_exact_mut(n_kinds)) {
+        mixture.posterior(place, posterior);
     }
-    let n_frames = coordinates.len() / mixture.n_dims();
+    posteriors
+}
+
+/// Share of the frames that are most probably of the kind which most are of.
+fn largest_kind_share(posteriors: &[f64], n_kinds: usize) -> f64 {
+    let frames = posteriors.chunks_exact(n_kinds);
+    let (n_frames, mut n_frames_of) = (frames.len(), vec![0_usize; n_kinds]);
+    frames.for_each(|posterior| n_frames_of[most_probable(posterior)] += 1);
     n_frames_of.into_iter().max().unwrap_or(0) as f64 / n_frames as f64
 }
