@@ -5,8 +5,10 @@ use std::io::Write;
 use kinds_model::evidence::best_by_bound;
 use kinds_model::neighborhood::short_circuits;
 use kinds_model::{
-    DirichletProvenance, FitPlan, KindsTrial, LandmarkChoice, Manifest, Model, NeighborsTrial, WhiteningPlan,
+    DirichletProvenance, FitPlan, KindsTrial, LandmarkChoice, Manifest, Model, NeighborsTrial, ScaleTrial,
+    WhiteningPlan,
 };
+use kinds_trainer::kept_by_scale;
 use serde::Serialize;
 
 use crate::cli::InspectArguments;
@@ -67,6 +69,7 @@ fn describe(model: &Model) -> String {
                 response.invalid_range_m
             ),
         ),
+        ("scale", scales_tried(&provenance.origin.scales_tried)),
         ("compared by", compared_by(plan)),
         (
             "frames",
@@ -149,6 +152,14 @@ fn describe(model: &Model) -> String {
         text += &dirichlet_table(process);
     }
     text
+}
+
+fn scales_tried(tried: &[ScaleTrial]) -> String {
+    if tried.is_empty() {
+        "as asked for".to_string()
+    } else {
+        format!("by evidence: {}", kept_by_scale(tried))
+    }
 }
 
 /// Neighbours and landmarks.

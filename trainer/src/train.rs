@@ -12,7 +12,7 @@ use crate::counts_seen::CountsSeen;
 use crate::load::{LoadError, of_model};
 use crate::progress::{Progress, fitting};
 use crate::remarks::{remark_on_islands, remarks_on_kinds};
-use crate::scale_choice::{self, ScaleChoice};
+use crate::scale_choice;
 use crate::survey::survey;
 use crate::track::Track;
 use crate::trip_frames::{Digest, TripFrames};
@@ -119,10 +119,11 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
         remarks.push(format!("{} frames without any valid reading were left out", origin.n_frames_invalid));
     }
     let mut plan = config.plan(sensor, &seen)?;
-    if config.response == Some(ScaleChoice::Auto) {
-        let (chosen, remark) = scale_choice::choose(&mut frames, &origin, plan, progress)?;
-        plan = chosen;
-        remarks.push(remark);
+    if config.scale().is_none()
+        && let Some((scale, tried)) = scale_choice::choose(&mut frames, &origin, &plan, progress)?
+    {
+        plan.response.scale = scale;
+        origin.scales_tried = tried;
     }
     let commands = config.commands_weight().map(|weight| {
         remarks.extend(remark_on_uncommanded(&commands));
