@@ -73,7 +73,8 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
 fn training_says_what_was_learnt_and_where_it_is() {
     let robot = Robot::trained();
     let told = robot.succeed(&[&["train", FIRST, SECOND, "--output", "both.kinds"][..], &SIZE].concat());
-    let (learnt, wrote) = told.trim_end().split_once('\n').unwrap();
+    let [learnt, scale, wrote] = told.lines().collect::<Vec<_>>()[..] else { panic!("{told}") };
+    assert!(scale.starts_with("scale: inverse ranges; kinds last "), "{scale}");
     let beginning = "learnt 5 kinds from 290 frames of 16 readings: Isomap of inverse ranges in 8 \
                      dimensions, residual variance 0.";
     assert!(learnt.starts_with(beginning), "{learnt}");
@@ -479,7 +480,7 @@ fn the_scale_by_which_kinds_last_is_chosen_and_told() {
     let (outcome, inspection) = train("auto", &[]);
     let [inverse, log, range] = lasting.map(|(_, persistence)| 1.0 / (1.0 - persistence));
     let told = format!("kinds last {inverse:.1} frames by inverse, {log:.1} by log, {range:.1} by range");
-    assert!(outcome.stderr.contains(&told), "no {told:?} in {outcome:?}");
+    assert!(outcome.stdout.contains(&told), "no {told:?} in {outcome:?}");
     assert_eq!(inspection["plan"]["response"]["scale"].as_str().unwrap().to_lowercase(), *expected);
     let tried = inspection["provenance"]["origin"]["scales_tried"].as_array().unwrap();
     let persistences: Vec<f64> = tried.iter().map(|tried| tried["persistence"].as_f64().unwrap()).collect();
