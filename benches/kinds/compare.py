@@ -7,7 +7,7 @@
 
 Each pair of trips is learnt from the first and judged on both:
 - ours: `kinds train TRIP1 --seed S` and nothing else; filtered kinds, as reports have them, and those of each frame by itself;
-- ours with `--response auto`: on the scale by which kinds last, filtered;
+- ours with `--response inverse`: on one scale, whatever the trip, filtered;
 - Isomap and PCA by scikit-learn on ranges, with its GaussianMixture, of as many dimensions and kinds as our first model has; out of
   sample by their `transform`;
 - k-means by scikit-learn on ranges, of as many kinds.
@@ -198,7 +198,7 @@ def compare(name, paths, radius_m, n_seeds, folder):
     for seed in range(n_seeds):
         filtered, by_itself, manifest = ours(trips, seed, folder)
         found = {"ours": filtered, "ours, each frame by itself": by_itself}
-        found["ours, --response auto"], _, _ = ours(trips, seed, folder, "--response", "auto")
+        found["ours, --response inverse"], _, _ = ours(trips, seed, folder, "--response", "inverse")
         n_dims, n_kinds = manifest["n_dims"], manifest["n_kinds"]
         sizes.append((n_dims, n_kinds))
         range_m_max = manifest["plan"]["response"]["range_m_max"]
