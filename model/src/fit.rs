@@ -9,7 +9,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 pub use self::error::FitError;
-use self::kinds::find_kinds;
+use self::kinds::{Kinds, find_kinds};
 
 use crate::command::{
     CommandScale, Commands, N_COMMAND_COLUMNS, compared, mean_squared_distance, with_metric,
@@ -27,6 +27,7 @@ use crate::novelty::{FALSE_ALARM_RATE, Usual};
 use crate::out_of_sample::Manifold;
 use crate::plan::{FitPlan, LandmarkChoice, Method};
 use crate::reference::n_held;
+use crate::register::Register;
 use crate::response::{INVALID, Response};
 use crate::stream::{FrameSource, InMemory, Stream, StreamError};
 use crate::whitening::{Pairs, Whitening};
@@ -336,7 +337,8 @@ fn fit_source<E: Send>(
         held_out,
     } = located?;
     let (n_frames, n_dims) = (frames.n_frames(), coordinates.len() / n_trained);
-    let (mixture, persistence) = find_kinds(&coordinates, n_dims, plan, &mut provenance, progress)?;
+    let Kinds { mixture, persistence, merges } =
+        find_kinds(&coordinates, n_dims, plan, &mut provenance, progress)?;
 
     let usual = Usual {
         manifold: Manifold {
@@ -368,6 +370,7 @@ fn fit_source<E: Send>(
         n_dims,
         n_kinds,
         persistence,
+        merges,
         novelty: NoveltyManifest {
             n_held_out: novelty.n_held_out(),
             n_tiles: novelty.n_tiles(),
@@ -387,6 +390,7 @@ fn fit_source<E: Send>(
         embedding,
         coordinates: coordinates.into(),
         mixture,
+        register: Register::new(n_kinds),
         squared_radii: squared_radii.into(),
         novelty,
     };
