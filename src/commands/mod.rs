@@ -5,6 +5,7 @@ pub(crate) mod demo;
 pub(crate) mod doctor;
 pub(crate) mod evaluate;
 pub(crate) mod inspect;
+pub(crate) mod name;
 pub(crate) mod pages;
 pub(crate) mod publish;
 pub(crate) mod record;
