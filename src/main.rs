@@ -54,6 +54,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Evaluate(arguments) => commands::evaluate::run(&arguments),
         Verb::Inspect(arguments) => commands::inspect::run(&arguments),
         Verb::Name(arguments) => commands::name::run(&arguments),
+        Verb::Update(arguments) => commands::update::run(&arguments),
         Verb::Publish(arguments) => commands::publish::run(&arguments),
         Verb::Serve(arguments) => commands::serve::run(&arguments),
         Verb::Reload(arguments) => commands::reload::run(&arguments),

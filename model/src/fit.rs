@@ -2,6 +2,7 @@
 
 mod error;
 mod kinds;
+mod update;
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -9,7 +10,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 pub use self::error::FitError;
-use self::kinds::{Kinds, find_kinds};
+use self::kinds::{Kinds, find_kinds, posteriors};
+pub use self::update::{KindChange, Updated, update};
 
 use crate::command::{
     CommandScale, Commands, N_COMMAND_COLUMNS, compared, mean_squared_distance, with_metric,
@@ -163,6 +165,7 @@ pub fn fit_stream<E: Send>(
     check_commands(commands, n_trained, plan)?;
     let mut comparison = Comparison { response: response_of(plan)?, whitening: None };
     let mut stream = Stream {
+        before: None,
         source,
         n_readings,
         comparison: comparison.clone(),

@@ -148,6 +148,11 @@ impl Register {
         }
     }
 
+    /// The lowest number that no kind has had.
+    pub(crate) fn next_number(&self) -> u32 {
+        self.kinds.iter().chain(&self.retired).map(|record| record.number + 1).max().unwrap_or(0)
+    }
+
     fn known(&self) -> String {
         let numbers: Vec<String> = self.kinds.iter().map(|record| record.number.to_string()).collect();
         match &numbers[..] {

@@ -91,6 +91,8 @@ pub(crate) enum Verb {
     Inspect(InspectArguments),
     /// Call a kind by a name, in the model's file
     Name(NameArguments),
+    /// Learn a model further from more trips: kinds that it knows keep their numbers and names
+    Update(UpdateArguments),
     /// Publish the frames of a sensor into shared memory
     Publish(Box<PublishArguments>),
     /// Classify every frame of a sensor and publish its kind
@@ -172,6 +174,24 @@ pub(crate) struct NameArguments {
     /// Take name and note away
     #[arg(long, conflicts_with_all = ["name", "note"])]
     pub(crate) clear: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct UpdateArguments {
+    /// The model
+    #[arg(value_name = "M.kinds")]
+    pub(crate) model: PathBuf,
+    /// Further trips of its sensor: ROS 2 bags (MCAP) or ROS 1 bags
+    #[arg(required = true, value_name = "TRIP")]
+    pub(crate) trips: Vec<PathBuf>,
+    /// File to write the new model to
+    #[arg(long, short, value_name = "M2.kinds")]
+    pub(crate) output: PathBuf,
+    /// Print what became of the kinds as one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    reading: ReadingArguments,
 }
 
 #[derive(Args, Debug)]
@@ -323,6 +343,12 @@ impl ReadingArguments {
             commands_topic: self.commands_topic.clone(),
             metres_per_count: self.metres_per_count.or(metres_per_count).unwrap_or(usual.metres_per_count),
         }
+    }
+}
+
+impl UpdateArguments {
+    pub(crate) fn selection(&self, metres_per_count: f64) -> Selection {
+        self.reading.selection(Some(metres_per_count))
     }
 }
 

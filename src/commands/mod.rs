@@ -15,6 +15,7 @@ pub(crate) mod serve;
 pub(crate) mod top;
 pub(crate) mod train;
 pub(crate) mod trips;
+pub(crate) mod update;
 pub(crate) mod watch;
 
 use kinds_messages::OwnDomain;

@@ -1,13 +1,14 @@
-//! Living with kinds: what people call them, and levels of fewer kinds.
+//! Living with kinds: what people call them, levels of fewer kinds, and further trips.
 
 use kinds_messages::Purpose;
+use kinds_trips::Command;
 use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::consumers::await_reader;
-use crate::robot::{MODEL, Robot, SECOND, SENSOR};
+use crate::robot::{FIRST, MODEL, Robot, SECOND, SENSOR, SIZE};
 use crate::running::await_that;
-use crate::world::open_model;
+use crate::world::{Trip, open_model};
 
 fn inspect(robot: &Robot, model: &str) -> Value {
     serde_json::from_str(&robot.succeed(&["inspect", model, "--json"])).unwrap()
@@ -116,5 +117,89 @@ fn watch_takes_the_kinds_most_alike_together_until_as_many_are_left_as_asked_for
         &["watch", "--sensor", SENSOR, "--kinds", "0"],
         2,
         &["invalid value '0' for '--kinds <N>'"],
+    );
+}
+
+#[test]
+fn further_trips_refine_a_model_whose_kinds_keep_numbers_and_names() {
+    let robot = Robot::trained();
+    robot.succeed(&["name", MODEL, "3", "doorway"]);
+    let told = robot.succeed(&["update", MODEL, SECOND, "--output", "m2.kinds"]);
+    let table: Vec<&str> = told.lines().skip_while(|line| !line.starts_with("kind  became ")).collect();
+    assert!(table.len() > 6, "{told}");
+    let updated = open_model(&robot.path("m2.kinds"));
+    assert_eq!(updated.manifest().n_trained, 290);
+    assert_eq!(updated.manifest().provenance.origin.trips, [FIRST, SECOND]);
+    assert_eq!(
+        table.last(),
+        Some(&&*format!(
+            "wrote m2.kinds ({:.1} MB, model {})",
+            robot.read("m2.kinds").len() as f64 / 1e6,
+            updated.id()
+        ))
+    );
+    let records = updated.register().kinds().iter().chain(updated.register().retired());
+    assert_eq!(records.filter(|record| record.name == "doorway").count(), 1);
+
+    // The same again, for a script, onto the model itself.
+    let json: Value =
+        serde_json::from_str(&robot.succeed(&["update", MODEL, SECOND, "--output", MODEL, "--json"]))
+            .unwrap();
+    assert_eq!(robot.read(MODEL), robot.read("m2.kinds"), "the same model and trip make the same model");
+    assert_eq!(json["after"], updated.id().to_string());
+    let kinds = json["kinds"].as_array().unwrap();
+    assert_eq!(kinds.iter().filter(|kind| kind["became"] != "retired").count(), 5);
+    for kind in kinds.iter().filter(|kind| kind["became"] == "kept") {
+        assert!(
+            kind["number"].as_u64().unwrap() < 5 && kind["agreement"].as_f64().unwrap() >= 0.25,
+            "{kind}"
+        );
+    }
+    for kind in kinds.iter().filter(|kind| kind["became"] == "new") {
+        assert!(kind["number"].as_u64().unwrap() >= 5, "{kind}");
+    }
+    // Served like any other.
+    let service = robot.serve();
+    let consumer = robot.join();
+    let reports = consumer.await_end_of(&mut robot.publish(SECOND, "max"));
+    let numbers: Vec<u32> = updated.register().kinds().iter().map(|record| record.number).collect();
+    assert!(reports.iter().all(|report| report.numbers() == numbers && report.model_id == updated.id().0));
+    service.stop(Signal::TERM);
+}
+
+#[test]
+fn an_update_with_a_trip_that_is_known_says_so_and_keeps_all_numbers() {
+    let robot = Robot::trained();
+    let outcome = robot.run(&["update", MODEL, FIRST, "--output", "m2.kinds"]);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    let told = "kinds: the model was learnt from a trip called first.mcap already; frames that are learnt twice count twice, and \
+                others are sooner called novel";
+    assert!(outcome.stderr.lines().any(|line| line == told), "{outcome:?}");
+    let updated = open_model(&robot.path("m2.kinds"));
+    let numbers: Vec<u32> = updated.register().kinds().iter().map(|record| record.number).collect();
+    assert_eq!((&numbers[..], updated.register().retired().len()), (&[0, 1, 2, 3, 4][..], 0));
+}
+
+#[test]
+fn updates_that_cannot_be_are_refused_in_words() {
+    let robot = Robot::trained();
+    Trip { n_readings: 8, ..Trip::SECOND }.write(&robot.path("other.mcap"));
+    let update = |trip: &'static str, output: &'static str| ["update", MODEL, trip, "--output", output];
+    robot.refuse(
+        &update("other.mcap", "m2.kinds"),
+        1,
+        "trip other.mcap has frames of 8 readings (1 × 8) of 0.001 m a count; those of the model are of 16 readings (1 × 16) of \
+         0.001 m a count; train one model for each sensor",
+    );
+    robot.refuse_with(&update("nowhere.mcap", "m2.kinds"), 1, &["nowhere.mcap"]);
+    robot.refuse_with(&update(SECOND, "nowhere/m2.kinds"), 1, &["there is no folder nowhere; make it first"]);
+    Trip { command: |place| Some(Command { forward_m_s: place, turn_rad_s: 0.1 }), ..Trip::FIRST }
+        .write(&robot.path("told.mcap"));
+    let train = ["train", "told.mcap", "--commands-weight", "0.1", "--output", "told.kinds"];
+    robot.succeed(&[&train[..], &SIZE].concat());
+    robot.refuse_with(
+        &["update", "told.kinds", SECOND, "--output", "m2.kinds"],
+        1,
+        &["trip second.mcap has no commands to compare frames by: "],
     );
 }

@@ -108,7 +108,7 @@ fn find_by_dirichlet(
 }
 
 /// Of every frame, shape `(n_frames, n_kinds)`.
-fn posteriors(mixture: &Mixture, coordinates: &[f64]) -> Vec<f64> {
+pub(super) fn posteriors(mixture: &Mixture, coordinates: &[f64]) -> Vec<f64> {
     let n_kinds = mixture.n_kinds();
     let places = coordinates.chunks_exact(mixture.n_dims());
     let mut posteriors = vec![0.0; places.len() * n_kinds];
