@@ -147,6 +147,16 @@ fn tell_uses(uses: &Uses, register: &Register) -> Result<(), Failure> {
             sequence.run_frames_shuffled
         ))?;
     }
+    for (sequence, drift) in uses.sequences.iter().zip(&uses.drift) {
+        let Some(drift) = drift else { continue };
+        say(format!(
+            "{}: {:.1} % of the frames are novel, where {} % is usual; kinds have other shares than in training for {:.1} % of them",
+            sequence.trip,
+            100.0 * drift.novel,
+            100.0 * drift.novel_usual,
+            100.0 * drift.total_variation
+        ))?;
+    }
     if let Some(map) = &uses.map {
         say(format!("map: {} regions, {} ways between them", map.regions.len(), map.edges.len()))?;
     }

@@ -1,6 +1,7 @@
 //! Living with kinds: what people call them, levels of fewer kinds, and further trips.
 
 use kinds_messages::Purpose;
+use kinds_model::Classifier;
 use kinds_trips::Command;
 use rustix::process::Signal;
 use serde_json::Value;
@@ -8,7 +9,7 @@ use serde_json::Value;
 use crate::consumers::await_reader;
 use crate::robot::{FIRST, MODEL, Robot, SECOND, SENSOR, SIZE};
 use crate::running::await_that;
-use crate::world::{Trip, open_model};
+use crate::world::{Trip, open_model, read_trip};
 
 fn inspect(robot: &Robot, model: &str) -> Value {
     serde_json::from_str(&robot.succeed(&["inspect", model, "--json"])).unwrap()
@@ -202,4 +203,39 @@ fn updates_that_cannot_be_are_refused_in_words() {
         1,
         &["trip second.mcap has no commands to compare frames by: "],
     );
+}
+
+#[test]
+fn drift_is_measured_against_training() {
+    let robot = Robot::trained();
+    robot.succeed(&["name", MODEL, "3", "doorway"]);
+    let json: Value =
+        serde_json::from_str(&robot.succeed(&["evaluate", MODEL, FIRST, SECOND, "--json"])).unwrap();
+    let model = open_model(&robot.path(MODEL));
+    let drift = &json["spaces"][0]["drift"];
+    let number = |value: &Value| value.as_f64().unwrap();
+    let mut classifier = Classifier::new(model.clone().into());
+    let (mut sums, mut n_novel, frames) = (vec![0.0; 5], 0, read_trip(&robot.path(SECOND)));
+    for (_, counts) in &frames {
+        let found = classifier.classify(counts);
+        sums.iter_mut().zip(&found.probabilities).for_each(|(sum, probability)| *sum += probability);
+        n_novel += usize::from(found.novelty >= 0.99);
+    }
+    let weights = model.mixture().weights();
+    let shares: Vec<f64> = sums.iter().map(|sum| sum / 130.0).collect();
+    let apart: f64 = shares.iter().zip(weights).map(|(share, weight)| (share - weight).abs()).sum();
+    assert_eq!(number(&drift[1]["novel_usual"]), 0.01);
+    assert!((number(&drift[1]["novel"]) - n_novel as f64 / 130.0).abs() < 1e-12);
+    assert!((number(&drift[1]["total_variation"]) - apart / 2.0).abs() < 1e-12);
+    // Of the trip that it was learnt from, but for the last step of learning.
+    assert!(number(&drift[0]["total_variation"]) < 0.01, "{drift}");
+    let told = format!(
+        "second: {:.1} % of the frames are novel, where 1 % is usual; kinds have other shares than in training for {:.1} % of them",
+        100.0 * n_novel as f64 / 130.0,
+        50.0 * apart
+    );
+    let text = robot.succeed(&["evaluate", MODEL, FIRST, SECOND, "--report", "report"]);
+    assert!(text.lines().any(|line| line == told), "no {told:?} in {text}");
+    let page = String::from_utf8(robot.read("report/report.html")).unwrap();
+    assert!(page.contains("By number and name, 3 is 3 (doorway)."));
 }

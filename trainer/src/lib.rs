@@ -9,6 +9,7 @@ mod bootstrap;
 mod config;
 mod consistency;
 mod counts_seen;
+mod drift;
 mod evaluate;
 mod landmark_number;
 mod load;
@@ -41,6 +42,7 @@ pub use agreement::adjusted_mutual_information;
 pub use config::{CommandsConfig, Config, ConfigError, MethodChoice};
 pub use consistency::{Consistency, Revisits, kappa};
 pub use counts_seen::CountsSeen;
+pub use drift::Drift;
 pub use evaluate::{
     ClassifiedTrip, EvaluateError, Evaluation, EvaluationPlan, PairScores, evaluate, evaluate_single,
 };
