@@ -6,11 +6,52 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 
 use kinds_driver_shim::Capture;
-use kinds_messages::{Command, Pose};
+use kinds_messages::{Command, HealthReport, Pose, SensorName};
+use kinds_model::ModelId;
 use kinds_trips::{FrameLayout, Image, ImageEncoding, Stamp, TripWriteError, TripWriter, WriterOptions};
 
 /// Topic of the true pose, where there is one. Odometry is what a trip is evaluated by unless this is named.
 pub(crate) const TRUE_POSES: &str = "/ground_truth";
+
+/// Where what is known of a sensor goes.
+pub(crate) struct Topics {
+    frames: String,
+    poses: String,
+    true_poses: String,
+    commands: String,
+    kinds: String,
+    lost: String,
+    health: String,
+}
+
+impl Topics {
+    /// Of a trip of one sensor: `/frames`.
+    pub(crate) fn of_the_only_sensor() -> Self {
+        Self::within("")
+    }
+
+    /// Of one of several sensors: `/crunch/ring/frames`. ROS has no dots and dashes in the names of topics.
+    pub(crate) fn of(sensor: &SensorName) -> Self {
+        Self::within(&format!("/{}", sensor.as_str().replace(['.', '-'], "_")))
+    }
+
+    fn within(namespace: &str) -> Self {
+        let topic = |name: &str| format!("{namespace}{name}");
+        Self {
+            frames: topic("/frames"),
+            poses: topic("/odom"),
+            true_poses: topic(TRUE_POSES),
+            commands: topic("/cmd_vel"),
+            kinds: topic("/kinds"),
+            lost: topic("/lost"),
+            health: topic("/health"),
+        }
+    }
+
+    pub(crate) fn frames(&self) -> &str {
+        &self.frames
+    }
+}
 
 /// A trip being written. Dropped before its end, it leaves nothing behind.
 pub(crate) struct TripFile {
@@ -29,6 +70,7 @@ impl TripFile {
     /// * `counts` — `(rows, columns)` as the layout has them
     pub(crate) fn add_frame(
         &mut self,
+        topics: &Topics,
         layout: FrameLayout,
         counts: &[u16],
         capture: &Capture,
@@ -38,33 +80,67 @@ impl TripFile {
         let is_millimetre = layout.metres_per_count == 0.001;
         let encoding = if is_millimetre { ImageEncoding::Millimetres } else { ImageEncoding::Metres };
         if let Some(pose) = capture.pose {
-            self.writer.write_odometry("/odom", at, &in_trip(pose))?;
+            self.writer.write_odometry(&topics.poses, at, &in_trip(pose))?;
         }
         if let Some(pose) = capture.true_pose {
-            self.writer.write_pose(TRUE_POSES, at, &in_trip(pose))?;
+            self.writer.write_pose(&topics.true_poses, at, &in_trip(pose))?;
         }
         if let Some(command) = capture.command {
             let Command { forward_m_s, turn_rad_s } = command;
-            self.writer.write_command("/cmd_vel", at, &kinds_trips::Command { forward_m_s, turn_rad_s })?;
+            let command = kinds_trips::Command { forward_m_s, turn_rad_s };
+            self.writer.write_command(&topics.commands, at, &command)?;
         }
         let image = Image { counts, layout, encoding, big_endian: false, row_padding_bytes: 0 };
-        self.writer.write_image("/frames", at, &image)
+        self.writer.write_image(&topics.frames, at, &image)
     }
 
     /// Adds the probability of each kind at a frame's time.
-    pub(crate) fn add_kinds(&mut self, at: Stamp, probabilities: &[f64]) -> Result<(), TripWriteError> {
-        self.writer.write_numbers("/kinds", at, "kind", probabilities)
+    pub(crate) fn add_kinds(
+        &mut self,
+        topics: &Topics,
+        at: Stamp,
+        probabilities: &[f64],
+    ) -> Result<(), TripWriteError> {
+        self.writer.write_numbers(&topics.kinds, at, "kind", probabilities)
+    }
+
+    /// Adds how the sensor's service fares: counters since it started, and latencies over its last interval.
+    pub(crate) fn add_health(
+        &mut self,
+        topics: &Topics,
+        at: Stamp,
+        health: &HealthReport,
+    ) -> Result<(), TripWriteError> {
+        let latency = health.last_interval.sent_to_reported;
+        let values = [
+            ("model", ModelId(health.model_id).to_string()),
+            ("uptime_s", format!("{:.3}", health.uptime_ns as f64 / 1e9)),
+            ("n_frames", health.n_frames.to_string()),
+            ("n_classified", health.n_classified.to_string()),
+            ("n_invalid", health.n_invalid.to_string()),
+            ("n_novel", health.n_novel.to_string()),
+            ("n_lost", health.n_lost.to_string()),
+            ("n_repeated", health.n_repeated.to_string()),
+            ("n_late", health.n_late.to_string()),
+            ("n_refused", health.n_refused.to_string()),
+            ("n_reloads", health.n_reloads.to_string()),
+            ("n_peers_lost", health.n_peers_lost.to_string()),
+            ("latency_p50_us", format!("{:.1}", latency.p50_ns as f64 / 1e3)),
+            ("latency_p999_us", format!("{:.1}", latency.p999_ns as f64 / 1e3)),
+        ];
+        self.writer.write_diagnostics(&topics.health, at, "kinds-serve", health.has_shim(), &values)
     }
 
     /// Adds how many frames of the trip are missing so far: on the way here, and for want of room.
     pub(crate) fn add_losses(
         &mut self,
+        topics: &Topics,
         at: Stamp,
         n_lost: u64,
         n_left_out: u64,
     ) -> Result<(), TripWriteError> {
         self.writer.write_numbers(
-            "/lost",
+            &topics.lost,
             at,
             "lost, left out for want of room",
             &[n_lost as f64, n_left_out as f64],

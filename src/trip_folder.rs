@@ -3,26 +3,23 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use kinds_messages::SensorName;
-
 use crate::failure::Failure;
 use crate::whole_file::folder_of;
 
-/// A file for one trip, or a folder for a sensor's trips.
+/// A file for one trip, or a folder for the trips of one sensor, or of several together.
 pub(crate) struct Destination {
     output: PathBuf,
-    sensor: SensorName,
+    /// What the names of the trips begin with.
+    prefix: String,
     is_folder: bool,
 }
 
 impl Destination {
-    pub(crate) fn new(output: PathBuf, sensor: SensorName) -> Self {
+    /// * `sensors` — the sensor's name, or those of several with commas between
+    pub(crate) fn new(output: PathBuf, sensors: &str) -> Self {
         let is_folder = output.is_dir();
-        Self { output, sensor, is_folder }
-    }
-
-    pub(crate) fn sensor(&self) -> &SensorName {
-        &self.sensor
+        let prefix = format!("{}-", sensors.replace('/', "-").replace(',', "+"));
+        Self { output, prefix, is_folder }
     }
 
     pub(crate) fn is_folder(&self) -> bool {
@@ -43,7 +40,7 @@ impl Destination {
             return if self.output.exists() { Err(taken(&self.output)) } else { Ok(self.output.clone()) };
         }
         // A clock that was set back comes by the same second again.
-        let (prefix, time) = (prefix_of(&self.sensor), time_at(at_ns));
+        let (prefix, time) = (&self.prefix, time_at(at_ns));
         let names = std::iter::once(format!("{prefix}{time}.mcap"))
             .chain((2..1000).map(|n| format!("{prefix}{time}-{n}.mcap")));
         let mut paths = names.map(|name| self.output.join(name));
@@ -64,7 +61,7 @@ impl Destination {
             if name.starts_with(&*current) {
                 continue;
             }
-            if let Some((time, number)) = began(&self.sensor, name) {
+            if let Some((time, number)) = began(&self.prefix, name) {
                 trips.push((time.to_owned(), number, path));
             }
         }
@@ -90,9 +87,9 @@ impl Destination {
 
 /// When the trip of a file began, and which of that second it is; if the file is one, or what is left of one, of this
 /// sensor: `crunch-ring-2026-11-27T12-30-00Z-2.mcap`, or with `.….partial` behind it.
-fn began<'a>(sensor: &SensorName, name: &'a str) -> Option<(&'a str, u32)> {
+fn began<'a>(prefix: &str, name: &'a str) -> Option<(&'a str, u32)> {
     const FORM: &str = "0000-00-00T00-00-00Z";
-    let (time, rest) = name.strip_prefix(&prefix_of(sensor))?.split_at_checked(FORM.len())?;
+    let (time, rest) = name.strip_prefix(prefix)?.split_at_checked(FORM.len())?;
     let fits = |(c, form): (char, char)| if form == '0' { c.is_ascii_digit() } else { c == form };
     let (number, end) = rest.split_once(".mcap")?;
     let number = match number {
@@ -101,11 +98,6 @@ fn began<'a>(sensor: &SensorName, name: &'a str) -> Option<(&'a str, u32)> {
     };
     let is_trip = end.is_empty() || (end.starts_with('.') && end.ends_with(".partial"));
     (time.chars().zip(FORM.chars()).all(fits) && is_trip).then_some((time, number))
-}
-
-/// What the names of a sensor's trips begin with.
-fn prefix_of(sensor: &SensorName) -> String {
-    format!("{}-", sensor.as_str().replace('/', "-"))
 }
 
 /// A time in a name: `2026-11-27T12-30-00Z`.
@@ -143,7 +135,7 @@ mod tests {
     #[test]
     fn trips_are_named_by_sensor_and_time_and_never_by_a_name_that_is_taken() {
         let folder = tempfile::tempdir().unwrap();
-        let trips = Destination::new(folder.path().into(), "crunch/ring".parse().unwrap());
+        let trips = Destination::new(folder.path().into(), "crunch/ring");
         // By `date --utc --date @… +%FT%H-%M-%SZ`.
         for (at_s, time) in [
             (0, "1970-01-01T00-00-00Z"),
@@ -171,6 +163,7 @@ mod tests {
             "crunch-ring-x-2020-01-01T00-00-00Z.mcap",
             "crunch-ring-2020-01-01T00-00-00Zé.mcap",
             "chew-camera-2020-01-01T00-00-00Z.mcap",
+            "crunch-ring+chew-camera-2020-01-01T00-00-00Z.mcap",
         ];
         // From the oldest on.
         let trips = [
@@ -188,7 +181,7 @@ mod tests {
             for name in others.iter().chain(&trips).chain([&&*partial]) {
                 std::fs::write(folder.path().join(name), "").unwrap();
             }
-            let destination = Destination::new(folder.path().into(), "crunch/ring".parse().unwrap());
+            let destination = Destination::new(folder.path().into(), "crunch/ring");
             destination.keep_last(n_kept, Path::new(current)).unwrap();
             let entries = std::fs::read_dir(folder.path()).unwrap();
             let mut found: Vec<_> =

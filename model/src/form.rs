@@ -17,6 +17,9 @@ use crate::simd::Instructions;
 const N_TILES_DOWN_MAX: usize = 8;
 const N_TILES_MAX: usize = 64;
 
+/// Columns that are added side by side.
+const N_STRIP: usize = 64;
+
 /// Parts of the trained frames, in order of time, of which each is measured by what the others look like.
 const N_PARTS: usize = 5;
 
@@ -85,12 +88,27 @@ impl Tiles {
         let Self { n_rows, n_columns, down, across } = *self;
         for (tile, means) in means.chunks_exact_mut(across).enumerate() {
             let (top, bottom) = (tile * n_rows / down, (tile + 1) * n_rows / down);
+            let rows = &readings[top * n_columns..bottom * n_columns];
             let mut sums = [0_u64; N_TILES_MAX];
-            for row in readings[top * n_columns..bottom * n_columns].chunks_exact(n_columns) {
-                for (tile, sum) in sums[..across].iter_mut().enumerate() {
-                    let along = &row[tile * n_columns / across..(tile + 1) * n_columns / across];
-                    // Of 65536 readings in a row at most: below 2³².
-                    *sum += along.chunks(1 << 16).map(sum_of).sum::<u64>();
+            let mut tile = 0;
+            // Columns by themselves first: many readings that stand side by side are added at once.
+            for begin in (0..n_columns).step_by(N_STRIP) {
+                let n_in_strip = N_STRIP.min(n_columns - begin);
+                let mut of_columns = [0_u64; N_STRIP];
+                // Of 65536 rows at most: below 2³².
+                for rows in rows.chunks(n_columns << 16) {
+                    let mut partial = [0_u32; N_STRIP];
+                    for row in rows.chunks_exact(n_columns) {
+                        let strip = &row[begin..begin + n_in_strip];
+                        partial.iter_mut().zip(strip).for_each(|(sum, &reading)| *sum += u32::from(reading));
+                    }
+                    of_columns.iter_mut().zip(partial).for_each(|(sum, partial)| *sum += u64::from(partial));
+                }
+                for (column, sum) in (begin..).zip(&of_columns[..n_in_strip]) {
+                    while column >= (tile + 1) * n_columns / across {
+                        tile += 1;
+                    }
+                    sums[tile] += sum;
                 }
             }
             for (tile, (mean, sum)) in means.iter_mut().zip(sums).enumerate() {
@@ -99,11 +117,6 @@ impl Tiles {
             }
         }
     }
-}
-
-#[inline(always)]
-fn sum_of(readings: &[u16]) -> u64 {
-    u64::from(readings.iter().map(|&reading| u32::from(reading)).sum::<u32>())
 }
 
 impl Form {

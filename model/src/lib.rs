@@ -94,7 +94,7 @@ pub use intrinsic_dims::IntrinsicDims;
 pub use metric::{MetricError, MetricPlan};
 pub use model::{
     DirichletProvenance, DirichletTrial, KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX,
-    NeighborsTrial, NoveltyManifest, Origin, Provenance,
+    NeighborsTrial, NoveltyManifest, Origin, Provenance, ScaleTrial,
 };
 pub use persistence::Filter;
 pub use plan::{FitPlan, KindsBy, LandmarkChoice, Method};

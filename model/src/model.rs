@@ -21,7 +21,7 @@ use crate::persistence::Filter;
 use crate::plan::FitPlan;
 use crate::reference::ReferenceSet;
 use crate::register::{NameError, Register};
-use crate::response::Response;
+use crate::response::{Response, Scale};
 use crate::whitening::Whitening;
 
 /// Most kinds that a model may have: what a report in shared memory holds.
@@ -202,6 +202,19 @@ pub struct Origin {
     pub n_frames: Vec<usize>,
     /// Frames of the trips that were left out because no reading was valid.
     pub n_frames_invalid: usize,
+    /// Scales that were tried on some of these frames, where they were to decide; empty where the scale was given.
+    #[serde(default)]
+    pub scales_tried: Vec<ScaleTrial>,
+}
+
+/// A scale that was tried, and what speaks for it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScaleTrial {
+    /// The scale.
+    pub scale: Scale,
+    /// s: how seldom kinds of a model by it change; higher is better.
+    pub persistence: f64,
 }
 
 impl Origin {

@@ -21,7 +21,7 @@ use serde::de::DeserializeOwned;
 pub(crate) use self::check::{CheckArguments, Sort};
 pub(crate) use self::evaluate::EvaluateArguments;
 pub(crate) use self::publish::{PublishArguments, PublishConfig, PublishPlan, RobotName, SourcePlan};
-pub(crate) use self::record::{Limits, RecordArguments, RecordConfig, RecordPlan};
+pub(crate) use self::record::{Limits, RecordArguments, RecordConfig, RecordPlan, SensorNames};
 pub(crate) use self::serve::{ServeArguments, ServeConfig, ServePlan};
 pub(crate) use self::train::TrainArguments;
 pub(crate) use self::trips::{ConvertArguments, InfoArguments, RecoverArguments, TripsArguments, TripsVerb};

@@ -1,10 +1,12 @@
 //! What can be asked of `kinds record`.
 
+use std::fmt;
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::time::Duration;
 
 use clap::Args;
-use kinds_messages::SensorName;
+use kinds_messages::{SensorName, SensorNameError};
 use serde::Deserialize;
 
 use super::{DomainArguments, configured, not_said};
@@ -30,14 +32,14 @@ pub(crate) struct RecordArguments {
 #[derive(Args, Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields, rename = "Record")]
 pub(crate) struct RecordConfig {
-    /// Sensor to record, such as crunch/ring
-    #[arg(long, required_unless_present = "config", value_name = "NAME")]
+    /// Sensor to record, such as crunch/ring; or several into one trip, with commas between them
+    #[arg(long, required_unless_present = "config", value_name = "NAME,…")]
     #[serde(deserialize_with = "as_flag")]
-    sensor: Option<SensorName>,
+    sensor: Option<SensorNames>,
     /// ROS 2 bag (MCAP) to write, which must not be there yet; or a folder: then one in it, named by sensor and time
     #[arg(long, short, required_unless_present = "config", value_name = "TRIP.mcap|DIR")]
     output: Option<PathBuf>,
-    /// End after this many frames [default: at SIGINT or SIGTERM]
+    /// End after this many frames, of all sensors together [default: at SIGINT or SIGTERM]
     #[arg(long, value_name = "N")]
     count: Option<u64>,
     /// Begin another trip when one has so many megabytes (10⁶ bytes); needs a folder [default: never]
@@ -55,9 +57,40 @@ pub(crate) struct RecordConfig {
     free_mb_min: Option<u64>,
 }
 
+/// Some sensors, each another, at least one: names with commas between them.
+#[derive(Clone, Debug)]
+pub(crate) struct SensorNames(Vec<SensorName>);
+
+impl SensorNames {
+    pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &SensorName> {
+        self.0.iter()
+    }
+}
+
+impl FromStr for SensorNames {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names = text
+            .split(',')
+            .map(|name| name.trim().parse().map_err(|error: SensorNameError| error.to_string()));
+        let names: Vec<SensorName> = names.collect::<Result<_, _>>()?;
+        match names.iter().enumerate().find(|(index, name)| names[..*index].contains(name)) {
+            Some((_, name)) => Err(format!("{name} is there twice; name each sensor once")),
+            None => Ok(Self(names)),
+        }
+    }
+}
+
+impl fmt::Display for SensorNames {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.iter().map(SensorName::as_str).collect::<Vec<_>>().join(","))
+    }
+}
+
 /// What is to be recorded, and where.
 pub(crate) struct RecordPlan {
-    pub(crate) sensor: SensorName,
+    pub(crate) sensors: SensorNames,
     pub(crate) output: PathBuf,
     pub(crate) count: Option<u64>,
     pub(crate) limits: Limits,
@@ -110,7 +143,7 @@ impl RecordConfig {
             }
         }
         Ok(RecordPlan {
-            sensor: self.sensor.ok_or_else(|| not_said("which sensor to record", "sensor"))?,
+            sensors: self.sensor.ok_or_else(|| not_said("which sensor to record", "sensor"))?,
             output: self.output.ok_or_else(|| not_said("where to record to", "output"))?,
             count: self.count,
             limits: Limits {

@@ -23,7 +23,7 @@ pub(crate) struct TrainArguments {
     /// RON file with the same fields as the flags below; a flag overrides a field
     #[arg(long, value_name = "FILE.ron")]
     pub(crate) config: Option<PathBuf>,
-    /// Scale on which frames are compared [default: inverse]
+    /// Scale on which frames are compared [default: auto]
     #[arg(long, value_enum)]
     response: Option<ScaleName>,
     /// Largest useful range, metres [default: the 99th percentile of the valid readings]

@@ -7,8 +7,9 @@ use kinds_model::hierarchy::Merge;
 use kinds_model::neighborhood::short_circuits;
 use kinds_model::{
     DirichletProvenance, FitPlan, KindRecord, KindsTrial, LandmarkChoice, Manifest, Model, NeighborsTrial,
-    Register, WhiteningPlan,
+    Register, ScaleTrial, WhiteningPlan,
 };
+use kinds_trainer::kept_by_scale;
 use serde::Serialize;
 
 use crate::cli::InspectArguments;
@@ -73,6 +74,7 @@ fn describe(model: &Model) -> String {
                 response.invalid_range_m
             ),
         ),
+        ("scale", scales_tried(&provenance.origin.scales_tried)),
         ("compared by", compared_by(plan)),
         (
             "frames",
@@ -158,11 +160,9 @@ fn describe(model: &Model) -> String {
 fn kinds_table(model: &Model) -> String {
     let mut text = "\nkind  weight\n".to_string();
     let brackets = brackets(model.mixture().n_kinds(), &model.manifest().merges);
-    for ((weight, record), bracket) in
-        model.mixture().weights().iter().zip(model.register().kinds()).zip(brackets)
-    {
+    let kinds = model.mixture().weights().iter().zip(model.register().kinds());
+    for ((weight, KindRecord { number, name, note }), bracket) in kinds.zip(brackets) {
         let bar = "█".repeat((40.0 * weight).round() as usize);
-        let KindRecord { number, name, note } = record;
         let words = [name, note].into_iter().filter(|words| !words.is_empty());
         let words = words.map(String::as_str).collect::<Vec<_>>().join(": ");
         let line = format!("{number:4} {:6.1} %  {bracket}  {bar:40}  {words}", 100.0 * weight);
@@ -182,28 +182,27 @@ fn brackets(n_kinds: usize, merges: &[Merge]) -> Vec<String> {
     let mut is_there = vec![true; n_kinds];
     for &(into, from) in merges {
         for (kind, row) in rows.iter_mut().enumerate() {
-            row.push_str(match kind {
-                _ if kind == into => "─┬",
-                _ if kind == from => "─┘",
-                _ if into < kind && kind < from => {
-                    if is_there[kind] {
-                        "─┼"
-                    } else {
-                        " │"
-                    }
-                }
-                _ => {
-                    if is_there[kind] {
-                        "──"
-                    } else {
-                        "  "
-                    }
-                }
+            let is_between = into < kind && kind < from;
+            row.push_str(match is_there[kind] {
+                true if kind == into => "─┬",
+                true if kind == from => "─┘",
+                true if is_between => "─┼",
+                true => "──",
+                false if is_between => " │",
+                false => "  ",
             });
         }
         is_there[from] = false;
     }
     rows
+}
+
+fn scales_tried(tried: &[ScaleTrial]) -> String {
+    if tried.is_empty() {
+        "as asked for".to_string()
+    } else {
+        format!("by evidence: {}", kept_by_scale(tried))
+    }
 }
 
 /// Neighbours and landmarks.

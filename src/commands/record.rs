@@ -1,4 +1,4 @@
-//! `kinds record`: a sensor's frames, poses, commands and kinds, from shared memory into a trip.
+//! `kinds record`: frames, poses, commands, kinds and health of one sensor or several, from shared memory into a trip.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,20 +6,24 @@ use std::time::{Duration, Instant};
 
 use kinds_driver_shim::Capture;
 use kinds_messages::{
-    Frame, FrameHeader, FrameReader, KindReport, Node, ReportReader, ReportStatus, ns_since_epoch,
+    Frame, FrameHeader, FrameReader, HealthReader, HealthReport, KindReport, Node, ReportReader,
+    ReportStatus, SensorName, ns_since_epoch,
 };
 use kinds_trips::{FrameLayout, Stamp};
 
-use crate::cli::{Limits, RecordArguments, RecordPlan};
+use crate::cli::{Limits, RecordArguments, RecordPlan, SensorNames};
 use crate::failure::Failure;
 use crate::notify::Supervisor;
 use crate::say::mention;
-use crate::trip_file::TripFile;
+use crate::trip_file::{Topics, TripFile};
 use crate::trip_folder::Destination;
 use crate::{log, stop};
 
 /// Longest time between two looks at the stop flag.
 const TICK: Duration = Duration::from_millis(50);
+
+/// The same where several sensors are recorded: only the first one's frames wake the recorder, and sixteen of the others' have room.
+const TICK_OF_SEVERAL: Duration = Duration::from_millis(5);
 
 /// How often everything is handed to the system and to the disk, which is what a crash can take; and how often it is looked
 /// whether there is room, and whether another trip is due.
@@ -32,107 +36,137 @@ const SILENCE: Duration = Duration::from_secs(2);
 const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
 
 pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
-    let RecordPlan { sensor, output, count, limits } = arguments.plan()?;
-    let destination = Destination::new(output.clone(), sensor.clone());
+    let RecordPlan { sensors, output, count, limits } = arguments.plan()?;
+    let destination = Destination::new(output.clone(), &sensors.to_string());
     if limits.need_folder() && !destination.is_folder() {
         return Err(Failure::CouldNot(format!(
             "cannot record several trips into {}: trip_mb_max, trip_s_max and keep need a folder that is there",
             output.display()
         )));
     }
+    let topics = topics_of(&sensors)?;
     let stop = stop::on_signals()?;
     let supervisor = Supervisor::from_environment();
-    let mut recorder = Recorder::begin(destination, limits)?;
+    let trip = Recording::begin(destination.path_at(ns_since_epoch())?, sensors.iter().len())?;
     let node = Node::open(&arguments.domain.domain(), "kinds-record")?;
-    // Both before the first frame can come: its report must find a reader.
-    let reports = ReportReader::open(&node, &sensor)?;
-    let frames = FrameReader::open(&node, &sensor)?;
-    supervisor.ready(format_args!("recording {sensor} into {}", recorder.trip.path.display()));
-    if !frames.is_published() {
-        log::notice(format!("waiting for a driver shim to publish {sensor}"));
+    let sources = sensors.iter().zip(topics).map(|(sensor, topics)| Source::open(&node, sensor, topics));
+    let sources: Vec<Source> = sources.collect::<Result<_, Failure>>()?;
+    supervisor.ready(format_args!("recording {sensors} into {}", trip.path.display()));
+    for source in sources.iter().filter(|source| !source.frames.is_published()) {
+        log::notice(format!("waiting for a driver shim to publish {}", source.sensor));
     }
-    let n_frames_max = count.unwrap_or(u64::MAX);
-    let channels = Channels { node, reports, frames };
-    let recorded = recorder.record(&channels, n_frames_max, &stop, &supervisor);
+    let mut recorder = Recorder {
+        destination,
+        limits,
+        sources,
+        trip,
+        n_frames: 0,
+        n_trips_ended: 0,
+        is_paused: false,
+        last_taken: Instant::now(),
+    };
+    let recorded = recorder
+        .make_room()
+        .and_then(|()| recorder.record(&node, count.unwrap_or(u64::MAX), &stop, &supervisor));
     supervisor.stopping();
     // Whatever ended it: what was recorded until then is a trip.
     let ended = recorder.end();
     recorded.and(ended)
 }
 
-/// What is recorded.
-struct Channels {
-    node: Node,
-    reports: ReportReader,
-    frames: FrameReader,
+/// Where each sensor's part of a trip goes.
+fn topics_of(sensors: &SensorNames) -> Result<Vec<Topics>, Failure> {
+    if sensors.iter().len() == 1 {
+        return Ok(vec![Topics::of_the_only_sensor()]);
+    }
+    let all: Vec<Topics> = sensors.iter().map(Topics::of).collect();
+    for (index, (sensor, topics)) in sensors.iter().zip(&all).enumerate() {
+        let alike = sensors.iter().zip(&all).take(index).find(|(_, other)| other.frames() == topics.frames());
+        if let Some((before, _)) = alike {
+            return Err(Failure::AskedWrongly(format!(
+                "{before} and {sensor} would both be {} in one trip, where topics have no dots and dashes; record them by \
+                 themselves",
+                topics.frames()
+            )));
+        }
+    }
+    Ok(all)
 }
 
-/// One trip after another of a sensor, within limits.
-struct Recorder {
-    destination: Destination,
-    limits: Limits,
-    /// The one that is being recorded.
-    trip: Recording,
-    /// In all trips.
-    n_frames: u64,
-    n_trips_ended: u64,
-    /// There is too little room: frames are counted and left out.
-    is_paused: bool,
+/// A sensor that is recorded.
+struct Source {
+    sensor: SensorName,
+    topics: Topics,
+    reports: ReportReader,
+    frames: FrameReader,
+    health: HealthReader,
     /// The last run of which it was said that frames contradict themselves.
     refused_run: Option<u64>,
     /// Of the last frame: its run, and its number in it.
     last_frame: Option<(u64, u64)>,
     last_report: Option<(u64, u64)>,
+}
+
+impl Source {
+    fn open(node: &Node, sensor: &SensorName, topics: Topics) -> Result<Self, Failure> {
+        Ok(Self {
+            sensor: sensor.clone(),
+            topics,
+            // Before the first frame can come: its report must find a reader.
+            reports: ReportReader::open(node, sensor)?,
+            frames: FrameReader::open(node, sensor)?,
+            health: HealthReader::open(node, sensor)?,
+            refused_run: None,
+            last_frame: None,
+            last_report: None,
+        })
+    }
+
+    /// Whether the last frame was reported, or nobody reports.
+    fn is_reported(&self) -> Result<bool, Failure> {
+        Ok(self.last_frame == self.last_report || self.reports.service().is_none())
+    }
+}
+
+/// One trip after another, within limits.
+struct Recorder {
+    destination: Destination,
+    limits: Limits,
+    sources: Vec<Source>,
+    /// The one that is being recorded.
+    trip: Recording,
+    /// In all trips, of all sensors.
+    n_frames: u64,
+    n_trips_ended: u64,
+    /// There is too little room: frames are counted and left out.
+    is_paused: bool,
     /// When the last frame or report was taken.
     last_taken: Instant,
 }
 
 impl Recorder {
-    fn begin(destination: Destination, limits: Limits) -> Result<Self, Failure> {
-        let trip = Recording::begin(destination.path_at(ns_since_epoch())?)?;
-        let mut recorder = Self {
-            destination,
-            limits,
-            trip,
-            n_frames: 0,
-            n_trips_ended: 0,
-            is_paused: false,
-            refused_run: None,
-            last_frame: None,
-            last_report: None,
-            last_taken: Instant::now(),
-        };
-        recorder.remove_old_trips()?;
-        recorder.look_for_room()?;
-        Ok(recorder)
+    fn make_room(&mut self) -> Result<(), Failure> {
+        self.remove_old_trips()?;
+        self.look_for_room()
     }
 
     /// Records until so many frames are there, or somebody stops it.
     fn record(
         &mut self,
-        channels: &Channels,
+        node: &Node,
         n_frames_max: u64,
         stop: &AtomicBool,
         supervisor: &Supervisor,
     ) -> Result<(), Failure> {
         let (mut last_flush, mut last_clean_up) = (Instant::now(), Instant::now());
+        let tick = if self.sources.len() > 1 { TICK_OF_SEVERAL } else { TICK };
         loop {
             // Read before recording: what was sent before the flag was set is recorded.
             let stopping = stop.load(Ordering::Relaxed);
-            // Reports before frames: whoever reported had been sent the frame, so it is here when its report is written.
-            let mut reported = Vec::new();
-            while let Some(report) = channels.reports.receive()? {
-                reported.push(report);
+            for index in 0..self.sources.len() {
+                self.take_what_waits(index, n_frames_max)?;
             }
-            while self.n_frames < n_frames_max
-                && let Some(frame) = channels.frames.receive()?
-            {
-                self.take_frame(&frame)?;
-            }
-            for report in &reported {
-                self.take_report(report)?;
-            }
-            if stopping || self.is_complete(n_frames_max, channels.reports.service().is_some()) {
+            if stopping || self.is_complete(n_frames_max)? {
                 return Ok(());
             }
             if last_flush.elapsed() >= FLUSH_PERIOD {
@@ -141,25 +175,51 @@ impl Recorder {
                 last_flush = Instant::now();
             }
             if last_clean_up.elapsed() >= CLEAN_UP_PERIOD {
-                channels.node.clean_up_dead_nodes();
+                node.clean_up_dead_nodes();
                 last_clean_up = Instant::now();
             }
+            let first = &self.sources[0];
             // The last frame is here, and its report is still on its way.
             if self.n_frames < n_frames_max {
-                channels.frames.wait(TICK)?
+                first.frames.wait(tick)?
             } else {
-                channels.reports.wait(TICK)?
+                first.reports.wait(tick)?
             };
         }
     }
 
-    fn take_frame(&mut self, frame: &Frame) -> Result<(), Failure> {
+    /// Takes what has come of a sensor.
+    fn take_what_waits(&mut self, index: usize, n_frames_max: u64) -> Result<(), Failure> {
+        // Reports before frames: whoever reported had been sent the frame, so it is here when its report is written.
+        let mut reported = Vec::new();
+        while let Some(report) = self.sources[index].reports.receive()? {
+            reported.push(report);
+        }
+        while self.n_frames < n_frames_max
+            && let Some(frame) = self.sources[index].frames.receive()?
+        {
+            self.take_frame(index, &frame)?;
+        }
+        for report in &reported {
+            self.take_report(index, report)?;
+        }
+        while let Some(health) = self.sources[index].health.receive()? {
+            // What a service said before the first frame is not of this trip.
+            if !self.is_paused && self.trip.n_frames > 0 {
+                self.trip.add_health(&self.sources[index].topics, &health)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn take_frame(&mut self, index: usize, frame: &Frame) -> Result<(), Failure> {
+        let source = &mut self.sources[index];
         let header = frame.header();
         let layout = layout_of(header);
         let n_readings = frame.counts().len();
         if layout.n_readings() != n_readings {
             // One bad frame must not cost the whole trip. It is counted among the lost, as a gap.
-            if self.refused_run.replace(header.run) != Some(header.run) {
+            if source.refused_run.replace(header.run) != Some(header.run) {
                 eprintln!(
                     "kinds: frames that have {n_readings} readings but say {} × {} are left out; their driver shim is at fault",
                     layout.rows, layout.columns
@@ -167,17 +227,18 @@ impl Recorder {
             }
             return Ok(());
         }
-        if let Some((run, sequence)) = self.last_frame.replace((header.run, header.sequence))
+        let losses = &mut self.trip.parts[index].losses;
+        if let Some((run, sequence)) = source.last_frame.replace((header.run, header.sequence))
             && run == header.run
         {
-            self.trip.losses.n_lost += header.sequence.saturating_sub(sequence).saturating_sub(1);
+            losses.n_lost += header.sequence.saturating_sub(sequence).saturating_sub(1);
         }
         self.last_taken = Instant::now();
         if self.is_paused {
-            self.trip.losses.n_left_out += 1;
+            losses.n_left_out += 1;
             return Ok(());
         }
-        if let Some(expected) = self.trip.layout.filter(|expected| *expected != layout) {
+        if let Some(expected) = self.trip.parts[index].layout.filter(|expected| *expected != layout) {
             if !self.destination.is_folder() {
                 return Err(Failure::CouldNot(format!(
                     "cannot record frames of {layout} after frames of {expected}: one trip is of one sensor"
@@ -186,35 +247,45 @@ impl Recorder {
             self.begin_another_trip()?;
         }
         self.n_frames += 1;
-        self.trip.add_frame(frame, layout)
+        self.trip.add_frame(index, &self.sources[index].topics, frame, layout)
     }
 
     /// Takes kinds of frames that are in this trip or the one before; a late joiner's first report may be of one that is in
     /// none.
-    fn take_report(&mut self, report: &KindReport) -> Result<(), Failure> {
+    fn take_report(&mut self, index: usize, report: &KindReport) -> Result<(), Failure> {
+        let source = &mut self.sources[index];
         let is_taken =
-            self.last_frame.is_some_and(|(run, sequence)| run == report.run && report.sequence <= sequence);
+            source.last_frame.is_some_and(|(run, sequence)| run == report.run && report.sequence <= sequence);
         if !is_taken {
             return Ok(());
         }
-        self.last_report = Some((report.run, report.sequence));
+        source.last_report = Some((report.run, report.sequence));
         self.last_taken = Instant::now();
         match self.is_paused {
             true => Ok(()),
-            false => self.trip.add_report(report),
+            false => self.trip.add_report(&source.topics, report),
         }
     }
 
-    /// Whether all frames that were asked for are there, and the report on the last of them if somebody reports.
-    fn is_complete(&self, n_frames_max: u64, is_served: bool) -> bool {
-        let awaits_report =
-            is_served && self.last_report != self.last_frame && self.last_taken.elapsed() < SILENCE;
-        self.n_frames >= n_frames_max && !awaits_report
+    /// Whether all frames that were asked for are there, and the report on the last of each sensor that somebody reports on.
+    fn is_complete(&self, n_frames_max: u64) -> Result<bool, Failure> {
+        if self.n_frames < n_frames_max {
+            return Ok(false);
+        }
+        if self.last_taken.elapsed() >= SILENCE {
+            return Ok(true);
+        }
+        for source in &self.sources {
+            if !source.is_reported()? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     fn flush(&mut self) -> Result<(), Failure> {
         if !self.is_paused {
-            self.trip.flush()?;
+            self.trip.flush(&self.sources)?;
             if self.trip.is_full(&self.limits)? {
                 self.begin_another_trip()?;
             }
@@ -223,10 +294,10 @@ impl Recorder {
     }
 
     fn begin_another_trip(&mut self) -> Result<(), Failure> {
-        let next = Recording::begin(self.destination.path_at(ns_since_epoch())?)?;
+        let next = Recording::begin(self.destination.path_at(ns_since_epoch())?, self.sources.len())?;
         let ended = std::mem::replace(&mut self.trip, next);
         self.n_trips_ended += 1;
-        mention(ended.end()?)?;
+        mention(ended.end(&self.sources)?)?;
         self.remove_old_trips()
     }
 
@@ -250,7 +321,7 @@ impl Recorder {
             ));
         } else if self.is_paused && free >= limit.saturating_add(limit / 10) {
             self.is_paused = false;
-            let n_left_out = self.trip.losses.n_left_out;
+            let n_left_out = self.trip.losses().n_left_out;
             log::notice(format!(
                 "recording into {path} goes on: {free_mb} MB are free there; {n_left_out} frames were left out"
             ));
@@ -260,17 +331,18 @@ impl Recorder {
 
     /// How the trip fares, for a supervisor.
     fn status(&self) -> String {
-        let Recording { path, n_frames, losses, .. } = &self.trip;
+        let sensors: Vec<&str> = self.sources.iter().map(|source| source.sensor.as_str()).collect();
+        let (path, n_frames, n_lost) =
+            (self.trip.path.display(), self.trip.n_frames, self.trip.losses().n_lost);
         let paused = if self.is_paused { "; paused for want of room" } else { "" };
-        let (sensor, path) = (self.destination.sensor(), path.display());
-        format!("{sensor} into {path}: {n_frames} frames, {} lost{paused}", losses.n_lost)
+        format!("{} into {path}: {n_frames} frames, {n_lost} lost{paused}", sensors.join(","))
     }
 
     fn end(self) -> Result<(), Failure> {
-        let Self { destination, limits, trip, n_trips_ended, .. } = self;
+        let Self { destination, limits, sources, trip, n_trips_ended, .. } = self;
         if trip.n_frames > 0 {
             let path = trip.path.clone();
-            mention(trip.end()?)?;
+            mention(trip.end(&sources)?)?;
             return match limits.n_kept {
                 // The one that has just been recorded is one of them.
                 Some(n_kept) => destination.keep_last(n_kept - 1, &path),
@@ -278,7 +350,7 @@ impl Recorder {
             };
         }
         let path = trip.path.display();
-        match (n_trips_ended, trip.losses.n_left_out) {
+        match (n_trips_ended, trip.losses().n_left_out) {
             (0, 0) => Err(Failure::CouldNot(format!("no frame came, so {path} was not written"))),
             (0, n_left_out) => Err(Failure::CouldNot(format!(
                 "{path} was not written: {n_left_out} frames came, and there was no room for them"
@@ -298,40 +370,49 @@ struct Losses {
     n_left_out: u64,
 }
 
+/// What a trip has of one sensor.
+#[derive(Clone, Copy, Default)]
+struct Part {
+    layout: Option<FrameLayout>,
+    losses: Losses,
+    /// What the file says of them.
+    losses_written: Losses,
+    /// The latest frame that was written.
+    last: Option<Stamp>,
+}
+
 /// A trip being recorded. Dropped before its end, it leaves nothing behind.
 struct Recording {
     path: PathBuf,
     file: TripFile,
     n_frames: u64,
     n_reports: u64,
-    layout: Option<FrameLayout>,
-    losses: Losses,
-    /// What the file says of them.
-    losses_written: Losses,
+    /// One of each sensor.
+    parts: Vec<Part>,
     /// When the first frame was written.
     began: Option<Instant>,
-    /// The latest frame that was written.
-    last: Stamp,
 }
 
 impl Recording {
-    fn begin(path: PathBuf) -> Result<Self, Failure> {
+    fn begin(path: PathBuf, n_sensors: usize) -> Result<Self, Failure> {
         let file = TripFile::create(&path)?;
-        let none = Losses::default();
         Ok(Self {
             path,
             file,
             n_frames: 0,
             n_reports: 0,
-            layout: None,
-            losses: none,
-            losses_written: none,
+            parts: vec![Part::default(); n_sensors],
             began: None,
-            last: Stamp(0),
         })
     }
 
-    fn add_frame(&mut self, frame: &Frame, layout: FrameLayout) -> Result<(), Failure> {
+    fn add_frame(
+        &mut self,
+        index: usize,
+        topics: &Topics,
+        frame: &Frame,
+        layout: FrameLayout,
+    ) -> Result<(), Failure> {
         let header = frame.header();
         let captured = Stamp(header.captured_ns);
         let capture = Capture {
@@ -340,34 +421,50 @@ impl Recording {
             command: header.known_command(),
             true_pose: header.known_true_pose(),
         };
-        self.file.add_frame(layout, frame.counts(), &capture)?;
+        self.file.add_frame(topics, layout, frame.counts(), &capture)?;
         self.began.get_or_insert_with(Instant::now);
-        (self.layout, self.last) = (Some(layout), captured);
+        let part = &mut self.parts[index];
+        (part.layout, part.last) = (Some(layout), Some(captured));
         self.n_frames += 1;
         Ok(())
     }
 
-    fn add_report(&mut self, report: &KindReport) -> Result<(), Failure> {
+    fn add_report(&mut self, topics: &Topics, report: &KindReport) -> Result<(), Failure> {
         if report.status() == ReportStatus::Classified {
-            self.file.add_kinds(Stamp(report.captured_ns), report.probabilities())?;
+            self.file.add_kinds(topics, Stamp(report.captured_ns), report.probabilities())?;
             self.n_reports += 1;
         }
         Ok(())
     }
 
+    fn add_health(&mut self, topics: &Topics, health: &HealthReport) -> Result<(), Failure> {
+        Ok(self.file.add_health(topics, Stamp(ns_since_epoch()), health)?)
+    }
+
+    /// Of all sensors together.
+    fn losses(&self) -> Losses {
+        self.parts.iter().fold(Losses::default(), |sum, part| Losses {
+            n_lost: sum.n_lost + part.losses.n_lost,
+            n_left_out: sum.n_left_out + part.losses.n_left_out,
+        })
+    }
+
     /// Brings everything so far to where a crash, and soon a power cut, cannot take it.
-    fn flush(&mut self) -> Result<(), Failure> {
-        self.add_losses()?;
+    fn flush(&mut self, sources: &[Source]) -> Result<(), Failure> {
+        self.add_losses(sources)?;
         self.file.flush()?;
         self.file.sync().map_err(|error| Failure::file("write", &self.path, &error))
     }
 
     /// Says in the file what is missing, if that has changed: whoever finds only the file knows.
-    fn add_losses(&mut self) -> Result<(), Failure> {
-        if self.n_frames > 0 && self.losses != self.losses_written {
-            let Losses { n_lost, n_left_out } = self.losses;
-            self.file.add_losses(self.last, n_lost, n_left_out)?;
-            self.losses_written = self.losses;
+    fn add_losses(&mut self, sources: &[Source]) -> Result<(), Failure> {
+        for (part, source) in self.parts.iter_mut().zip(sources) {
+            let Some(last) = part.last else { continue };
+            if part.losses != part.losses_written {
+                let Losses { n_lost, n_left_out } = part.losses;
+                self.file.add_losses(&source.topics, last, n_lost, n_left_out)?;
+                part.losses_written = part.losses;
+            }
         }
         Ok(())
     }
@@ -379,11 +476,11 @@ impl Recording {
         Ok(is_large || limits.trip_duration_max.is_some_and(|duration_max| began.elapsed() >= duration_max))
     }
 
-    fn end(mut self) -> Result<String, Failure> {
-        self.add_losses()?;
+    fn end(mut self, sources: &[Source]) -> Result<String, Failure> {
+        self.add_losses(sources)?;
+        let Losses { n_lost, n_left_out } = self.losses();
         self.file.finish()?;
         let (n_frames, n_reports, path) = (self.n_frames, self.n_reports, self.path.display());
-        let Losses { n_lost, n_left_out } = self.losses;
         let left_out = match n_left_out {
             0 => String::new(),
             _ => format!(", {n_left_out} left out for want of room"),

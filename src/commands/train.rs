@@ -9,10 +9,10 @@ use kinds_model::neighborhood::{candidates, chosen, runner_up, short_circuits};
 use kinds_model::residual_variance::TOLERANCE;
 use kinds_model::{
     FitPlan, IntrinsicDims, KindsBy, KindsTrial, Manifest, Method, MetricPlan, Model, NeighborsTrial,
-    Provenance, Scale,
+    Provenance, Scale, ScaleTrial,
 };
 use kinds_trainer::report::kinds_agreement;
-use kinds_trainer::{Config, MethodChoice, PcaModels, Trained};
+use kinds_trainer::{Config, MethodChoice, PcaModels, Trained, kept_by_scale};
 
 use crate::cli::TrainArguments;
 use crate::failure::Failure;
@@ -136,6 +136,7 @@ pub(crate) fn summary(model: &Model) -> String {
 pub(crate) fn choices(model: &Model) -> Vec<String> {
     let Manifest { plan, n_trained, n_dims, n_kinds, provenance, .. } = model.manifest();
     let mut lines: Vec<String> = reference_choice(model).into_iter().collect();
+    lines.extend(scale_choice(plan, &provenance.origin.scales_tried));
     lines.extend(neighbors_choice(&provenance.neighbors_tried));
     if plan.n_dims.is_none() && model.embedding().is_some() {
         let elbow = provenance.elbow;
@@ -156,6 +157,12 @@ pub(crate) fn choices(model: &Model) -> Vec<String> {
         ));
     }
     lines
+}
+
+/// The scale that was chosen, and what spoke for each.
+fn scale_choice(plan: &FitPlan, tried: &[ScaleTrial]) -> Option<String> {
+    (!tried.is_empty())
+        .then(|| format!("scale: {}; {}", scale_name(plan.response.scale), kept_by_scale(tried)))
 }
 
 /// How many frames were kept, where not all were.

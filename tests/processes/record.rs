@@ -8,13 +8,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use kinds_driver_shim::simulated::{Crunch, Floor, Robot as _};
-use kinds_trips::{FrameInfo, salvage};
+use kinds_messages::HealthReader;
+use kinds_trips::{FrameInfo, Selection, salvage};
 use rustix::fs::{FallocateFlags, fallocate, statvfs};
 use rustix::process::Signal;
 
 use crate::robot::{Robot, SECOND, SENSOR};
 use crate::running::{DEADLINE, Running, await_that};
-use crate::world::{Trip, read_trip, read_trip_by, told_along_the_loop};
+use crate::world::{Trip, read_trip, read_trip_by, read_trip_with, told_along_the_loop};
 
 const RECORDED: &str = "recorded.mcap";
 
@@ -163,10 +164,14 @@ with AnyReader([Path(sys.argv[1])], default_typestore=get_typestore(Stores.ROS2_
         print(connection.topic, connection.msgtype, connection.msgcount)
     for connection, _, raw in bag.messages():
         message = bag.deserialize(raw, connection.msgtype)
-        if connection.topic == '/kinds':
+        if connection.topic.endswith('/kinds'):
             assert abs(sum(message.data) - 1) < 1e-9 and message.layout.dim[0].size == len(message.data)
-        if connection.topic == '/frames':
+        if connection.topic.endswith('/frames'):
             assert message.encoding == '16UC1' and len(message.data) == 2 * message.height * message.width
+        if connection.topic.endswith('/health'):
+            status, = message.status
+            told = {value.key: value.value for value in status.values}
+            assert status.name == 'kinds-serve' and int(told['n_classified']) <= int(told['n_frames']), told
 ";
     let output = Command::new("python3").args(["-c", script]).arg(robot.path(RECORDED)).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -183,10 +188,75 @@ fn rosbags_reads_what_was_recorded() {
     shim.stop(Signal::TERM);
     service.stop(Signal::TERM);
     let Some(told) = told_by_rosbags(&robot) else { return };
+    // A second of health may have passed, or not.
+    let told: Vec<&str> = told.lines().filter(|line| !line.starts_with("/health ")).collect();
     assert_eq!(
         told,
-        "/frames sensor_msgs/msg/Image 20\n/kinds std_msgs/msg/Float64MultiArray 20\n/odom nav_msgs/msg/Odometry 20\n"
+        [
+            "/frames sensor_msgs/msg/Image 20",
+            "/kinds std_msgs/msg/Float64MultiArray 20",
+            "/odom nav_msgs/msg/Odometry 20"
+        ]
     );
+}
+
+#[test]
+fn several_sensors_go_into_one_trip_each_by_its_name_and_with_the_health_of_its_service() {
+    let robot = Robot::trained();
+    Trip { n_frames: 40, ..Trip::SECOND }.write(&robot.path("short.mcap"));
+    Trip { n_readings: 8, n_frames: 20, ..Trip::SECOND }.write(&robot.path("eight.mcap"));
+    let service = robot.serve();
+    let health = HealthReader::open(&robot.node(), &SENSOR.parse().unwrap()).unwrap();
+    let other = "crunch/far-side";
+    let recorder = robot.start(&["record", "--sensor", &format!("{SENSOR},{other}"), "--output", RECORDED]);
+    recorder.await_err(&format!("kinds: waiting for a driver shim to publish {other}"));
+    let shims = [
+        robot.publish("short.mcap", "5"),
+        robot.start(&["publish", "--trip", "eight.mcap", "--sensor", other, "--speed", "5"]),
+    ];
+    shims.into_iter().for_each(|shim| assert_eq!(shim.end().code, Some(0)));
+    await_that(|| health.receive().unwrap().is_some_and(|health| health.n_frames == 40));
+    let said = recorder.stop(Signal::TERM);
+    assert_eq!(said, "recorded 60 frames and 40 reports into recorded.mcap; 0 frames lost\n");
+    service.stop(Signal::TERM);
+    // ROS has no dashes in topics.
+    for (namespace, trip) in [("/crunch/ring", "short.mcap"), ("/crunch/far_side", "eight.mcap")] {
+        let topic = |name: &str| Some(format!("{namespace}/{name}"));
+        let selection =
+            Selection { frames_topic: topic("frames"), poses_topic: topic("odom"), ..Selection::default() };
+        let (found, expected) =
+            (read_trip_with(&robot.path(RECORDED), &selection), read_trip(&robot.path(trip)));
+        let frames = |trip: Vec<(FrameInfo, Vec<u16>)>| -> Vec<_> {
+            trip.into_iter().map(|(info, counts)| (info.captured, counts)).collect()
+        };
+        assert_eq!(frames(found), frames(expected));
+    }
+    let Some(told) = told_by_rosbags(&robot) else { return };
+    for line in [
+        "/crunch/far_side/frames sensor_msgs/msg/Image 20",
+        "/crunch/ring/frames sensor_msgs/msg/Image 40",
+        "/crunch/ring/kinds std_msgs/msg/Float64MultiArray 40",
+        "/crunch/ring/health diagnostic_msgs/msg/DiagnosticArray ",
+    ] {
+        assert!(told.lines().any(|told| told.starts_with(line)), "no {line:?} in {told}");
+    }
+}
+
+#[test]
+fn sensors_that_one_trip_cannot_tell_apart_are_refused_in_words() {
+    let robot = Robot::new();
+    for (sensors, said) in [
+        ("a/ring,a/ring", "a/ring is there twice; name each sensor once"),
+        ("a/ring,", "has an empty part"),
+        (
+            "a/ring-1,a/ring_1",
+            "a/ring-1 and a/ring_1 would both be /a/ring_1/frames in one trip, where topics have no dots and dashes; \
+             record them by themselves",
+        ),
+    ] {
+        robot.refuse_with(&["record", "--sensor", sensors, "--output", RECORDED], 2, &[said]);
+    }
+    assert!(robot.files().is_empty());
 }
 
 #[test]

@@ -73,7 +73,8 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
 fn training_says_what_was_learnt_and_where_it_is() {
     let robot = Robot::trained();
     let told = robot.succeed(&[&["train", FIRST, SECOND, "--output", "both.kinds"][..], &SIZE].concat());
-    let (learnt, wrote) = told.trim_end().split_once('\n').unwrap();
+    let [learnt, scale, wrote] = told.lines().collect::<Vec<_>>()[..] else { panic!("{told}") };
+    assert!(scale.starts_with("scale: inverse ranges; kinds last "), "{scale}");
     let beginning = "learnt 5 kinds from 290 frames of 16 readings: Isomap of inverse ranges in 8 \
                      dimensions, residual variance 0.";
     assert!(learnt.starts_with(beginning), "{learnt}");
@@ -467,20 +468,23 @@ fn the_scale_by_which_kinds_last_is_chosen_and_told() {
     };
     // How long kinds last by each, by training with it alone as a trial does.
     let lasting = ["inverse", "log", "range"].map(|response| {
-        let (_, inspection) = train(response, &["--starts", "3"]);
-        (response, 1.0 - inspection["persistence"].as_f64().unwrap())
+        let (_, inspection) = train(response, &["--starts", "3", "--neighbors", "10"]);
+        assert_eq!(inspection["provenance"]["origin"]["scales_tried"], serde_json::json!([]));
+        (response, inspection["persistence"].as_f64().unwrap())
     });
-    let least = lasting.iter().map(|(_, change)| *change).fold(1.0, f64::min);
-    let (expected, _) = lasting.iter().find(|(_, change)| *change <= 1.25 * least).unwrap();
+    // One that kinds outlast by more than a quarter, and by more than chance, gives way.
+    let n_changes = |persistence: f64| (1.0 - persistence) * 160.0;
+    let least = lasting.iter().map(|(_, persistence)| n_changes(*persistence)).fold(f64::INFINITY, f64::min);
+    let gives_way = |n: f64| n > 1.25 * least && n - least > 2.0 * (n + least).sqrt();
+    let (expected, _) = lasting.iter().find(|(_, persistence)| !gives_way(n_changes(*persistence))).unwrap();
     let (outcome, inspection) = train("auto", &[]);
-    let of_each: Vec<String> = lasting
-        .iter()
-        .map(|(response, change)| format!("{:.1} frames by {response}", 1.0 / change))
-        .collect();
-    let told =
-        format!("scale: {expected}, by which 4 kinds are kept longest or nearly so: {}", of_each.join(", "));
-    assert!(outcome.stderr.contains(&told), "no {told:?} in {outcome:?}");
+    let [inverse, log, range] = lasting.map(|(_, persistence)| 1.0 / (1.0 - persistence));
+    let told = format!("kinds last {inverse:.1} frames by inverse, {log:.1} by log, {range:.1} by range");
+    assert!(outcome.stdout.contains(&told), "no {told:?} in {outcome:?}");
     assert_eq!(inspection["plan"]["response"]["scale"].as_str().unwrap().to_lowercase(), *expected);
+    let tried = inspection["provenance"]["origin"]["scales_tried"].as_array().unwrap();
+    let persistences: Vec<f64> = tried.iter().map(|tried| tried["persistence"].as_f64().unwrap()).collect();
+    assert_eq!(persistences, lasting.map(|(_, persistence)| persistence));
 }
 
 #[test]

@@ -125,7 +125,10 @@ fn inspect(robot: &Robot, model: &str) -> Value {
 #[test]
 fn both_methods_make_a_model_each_of_their_own_size_and_one_of_the_same() {
     let robot = recorded(Trip::FIRST);
-    let train = |flags: &[&str]| robot.succeed(&[&["train", FIRST, "--neighbors", "8"], flags].concat());
+    // The scale is given: each method might choose its own.
+    let train = |flags: &[&str]| {
+        robot.succeed(&[&["train", FIRST, "--neighbors", "8", "--response", "inverse"], flags].concat())
+    };
     robot.write("both.ron", "(method: both)");
     let told = train(&["--config", "both.ron", "--output", "new.v2.kinds", "--report", "report"]);
     // Each is what a training of its own makes.

@@ -158,8 +158,12 @@ pub(crate) fn read_trip(path: &Path) -> Vec<(FrameInfo, Vec<u16>)> {
 
 /// The same with poses from a topic that is named.
 pub(crate) fn read_trip_by(path: &Path, poses_topic: Option<&str>) -> Vec<(FrameInfo, Vec<u16>)> {
-    let selection = Selection { poses_topic: poses_topic.map(str::to_owned), ..Selection::default() };
-    let mut trip = TripReader::open(path, &selection).unwrap();
+    read_trip_with(path, &Selection { poses_topic: poses_topic.map(str::to_owned), ..Selection::default() })
+}
+
+/// The same with any topics.
+pub(crate) fn read_trip_with(path: &Path, selection: &Selection) -> Vec<(FrameInfo, Vec<u16>)> {
+    let mut trip = TripReader::open(path, selection).unwrap();
     let mut counts = vec![0; trip.layout().n_readings()];
     std::iter::from_fn(|| trip.next_frame(&mut counts).unwrap().map(|info| (info, counts.clone()))).collect()
 }

@@ -17,8 +17,8 @@ use crate::scale_choice::ScaleChoice;
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields, rename = "Train")]
 pub struct Config {
-    /// Scale on which frames are compared: range, log, inverse, or auto: that of these by which kinds change most seldom. Default:
-    /// inverse.
+    /// Scale on which frames are compared: range, log, inverse, or auto: that of these by which kinds change most seldom on the
+    /// trips. Default: auto.
     pub response: Option<ScaleChoice>,
     /// Largest useful range, metres, above 0. Default: the 99th percentile of the trips' valid readings.
     pub range_m_max: Option<f64>,
@@ -277,6 +277,11 @@ impl Config {
         }
     }
 
+    /// The scale that is asked for. None: the trips decide, as far as they can.
+    pub(crate) fn scale(&self) -> Option<Scale> {
+        self.response.and_then(ScaleChoice::scale)
+    }
+
     /// How much commands weigh, if frames are to be compared by them.
     pub(crate) fn commands_weight(&self) -> Option<f64> {
         self.commands.weight.filter(|weight| *weight > 0.0)
@@ -293,7 +298,7 @@ impl Config {
         }
     }
 
-    /// The plan for a sensor, given which raw counts are to be fitted.
+    /// The plan for a sensor, given which raw counts are to be fitted. On the usual scale, if the trips are to decide.
     ///
     /// # Errors
     /// As [`Self::check`].
@@ -301,7 +306,7 @@ impl Config {
         self.check()?;
         let useful_m = || seen.largest_useful() * sensor.metres_per_count;
         let usual = ResponsePlan::new(
-            self.response.and_then(ScaleChoice::scale).unwrap_or(Scale::Inverse),
+            self.scale().unwrap_or(Scale::Inverse),
             self.range_m_max.unwrap_or_else(useful_m),
         );
         let seed = self.seed.unwrap_or(0);

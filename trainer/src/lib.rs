@@ -58,7 +58,7 @@ pub use progress::{Progress, Stage};
 pub use registration::{Jittered, RegistrationScores};
 pub use rivals::{Methods, RivalError, Rivals};
 pub use runs::Runs;
-pub use scale_choice::ScaleChoice;
+pub use scale_choice::{ScaleChoice, kept_by_scale};
 pub use scores::{Confidence, DirectedScores, KappaLead, MethodScores, Scores};
 pub use segmentation::{
     KindDiffers, NameDiffers, SegmentFormat, Segmentation, SegmentationAgreement, SegmentationError,

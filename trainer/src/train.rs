@@ -11,7 +11,7 @@ use crate::config::{Config, ConfigError, MethodChoice};
 use crate::load::LoadError;
 use crate::progress::{Progress, fitting};
 use crate::remarks::{remark_on_islands, remarks_on_kinds};
-use crate::scale_choice::{self, ScaleChoice};
+use crate::scale_choice;
 use crate::surveyed_trips::SurveyedTrips;
 use crate::track::Track;
 
@@ -99,12 +99,13 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
     config.check()?;
     let need_commands = config.commands_weight().is_some();
     let surveyed = SurveyedTrips::survey(trips, &config.selection(), None, need_commands, progress)?;
-    let SurveyedTrips { sensor, origin, seen, commands, tracks, mut frames, mut remarks } = surveyed;
+    let SurveyedTrips { sensor, mut origin, seen, commands, tracks, mut frames, mut remarks } = surveyed;
     let mut plan = config.plan(sensor, &seen)?;
-    if config.response == Some(ScaleChoice::Auto) {
-        let (chosen, remark) = scale_choice::choose(&mut frames, &origin, plan, progress)?;
-        plan = chosen;
-        remarks.push(remark);
+    if config.scale().is_none()
+        && let Some((scale, tried)) = scale_choice::choose(&mut frames, &origin, &plan, progress)?
+    {
+        plan.response.scale = scale;
+        origin.scales_tried = tried;
     }
     let commands = config.commands_weight().map(|weight| {
         remarks.extend(remark_on_uncommanded(&commands));

@@ -70,6 +70,7 @@ pub(crate) const ODOMETRY: &str = "nav_msgs/msg/Odometry";
 pub(crate) const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
 pub(crate) const TWIST: &str = "geometry_msgs/msg/Twist";
 pub(crate) const TWIST_STAMPED: &str = "geometry_msgs/msg/TwistStamped";
+pub(crate) const DIAGNOSTIC_ARRAY: &str = "diagnostic_msgs/msg/DiagnosticArray";
 pub(crate) const FLOAT64_MULTI_ARRAY: &str = "std_msgs/msg/Float64MultiArray";
 
 pub(crate) const POINT_CLOUD2: &str = "sensor_msgs/msg/PointCloud2";

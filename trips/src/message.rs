@@ -68,7 +68,31 @@ pub(crate) struct TwistStampedMessage<S> {
     pub(crate) twist: [f64; 6],
 }
 
-/// The same without a time.
+/// How programs fare: one status for each.
+#[derive(Serialize)]
+pub(crate) struct DiagnosticArrayMessage<'a> {
+    pub(crate) header: Header<&'a str>,
+    pub(crate) statuses: Vec<DiagnosticStatus<'a>>,
+}
+
+/// A program, and what it says of itself.
+#[derive(Serialize)]
+pub(crate) struct DiagnosticStatus<'a> {
+    pub(crate) level: u8,
+    pub(crate) name: &'a str,
+    pub(crate) message: &'a str,
+    pub(crate) hardware_id: &'a str,
+    pub(crate) values: Vec<KeyValue<'a>>,
+}
+
+/// One thing that a program says of itself.
+#[derive(Serialize)]
+pub(crate) struct KeyValue<'a> {
+    pub(crate) key: &'a str,
+    pub(crate) value: &'a str,
+}
+
+/// A command without a time.
 #[derive(Deserialize)]
 pub(crate) struct TwistMessage {
     pub(crate) twist: [f64; 6],

@@ -1,4 +1,4 @@
-//! Writes a trip: frames, poses and commands as standard ROS 2 messages, each with the full text of its definition.
+//! Writes a trip: frames, poses, commands and diagnostics as standard ROS 2 messages, each with the full text of its definition.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -8,11 +8,13 @@ use std::sync::Arc;
 use mcap::records::MessageHeader;
 
 use crate::bag_file::{BagFile, Channel, ROS2, Schema, WriterOptions};
-use crate::catalogue::{FLOAT64_MULTI_ARRAY, IMAGE, LASER_SCAN, ODOMETRY, POSE_STAMPED, TWIST_STAMPED};
+use crate::catalogue::{
+    DIAGNOSTIC_ARRAY, FLOAT64_MULTI_ARRAY, IMAGE, LASER_SCAN, ODOMETRY, POSE_STAMPED, TWIST_STAMPED,
+};
 use crate::counts::{INVALID, Unit};
 use crate::message::{
-    ArrayDimension, Float64MultiArrayMessage, Header, ImageMessage, LaserScanMessage, OdometryMessage,
-    PoseStampedMessage, TwistStampedMessage, encode,
+    ArrayDimension, DiagnosticArrayMessage, DiagnosticStatus, Float64MultiArrayMessage, Header, ImageMessage,
+    KeyValue, LaserScanMessage, OdometryMessage, PoseStampedMessage, TwistStampedMessage, encode,
 };
 use crate::{Command, FrameLayout, Pose, Stamp, TripWriteError};
 
@@ -226,6 +228,34 @@ impl TripWriter {
         self.write(topic, FLOAT64_MULTI_ARRAY, at, &encode(&message))
     }
 
+    /// Writes how a program fares, as `diagnostic_msgs/msg/DiagnosticArray` of one status.
+    ///
+    /// * `name` — of the program
+    /// * `is_well` — whether its status is OK, rather than WARN
+    /// * `values` — what it says of itself, each thing under its name
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
+    ///
+    /// # Panics
+    ///
+    /// If the topic has had messages of another type.
+    pub fn write_diagnostics(
+        &mut self,
+        topic: &str,
+        at: Stamp,
+        name: &str,
+        is_well: bool,
+        values: &[(&str, String)],
+    ) -> Result<(), TripWriteError> {
+        let values = values.iter().map(|(key, value)| KeyValue { key, value }).collect();
+        let status =
+            DiagnosticStatus { level: u8::from(!is_well), name, message: "", hardware_id: "", values };
+        let message = DiagnosticArrayMessage { header: header(at, ""), statuses: vec![status] };
+        self.write(topic, DIAGNOSTIC_ARRAY, at, &encode(&message))
+    }
+
     /// Closes the current chunk and hands everything to the system: what a crash from here on cannot take.
     ///
     /// # Errors
@@ -274,6 +304,7 @@ impl TripWriter {
             IMAGE => include_str!("definitions/Image.msg"),
             POSE_STAMPED => include_str!("definitions/PoseStamped.msg"),
             TWIST_STAMPED => include_str!("definitions/TwistStamped.msg"),
+            DIAGNOSTIC_ARRAY => include_str!("definitions/DiagnosticArray.msg"),
             FLOAT64_MULTI_ARRAY => include_str!("definitions/Float64MultiArray.msg"),
             _ => include_str!("definitions/Odometry.msg"),
         };

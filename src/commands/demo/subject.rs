@@ -11,7 +11,7 @@ use kinds_trips::{Selection, TripReader};
 use crate::cli::RobotName;
 use crate::commands::publish;
 use crate::failure::Failure;
-use crate::trip_file::{TRUE_POSES, TripFile};
+use crate::trip_file::{TRUE_POSES, Topics, TripFile};
 
 /// Seed of the robots' worlds.
 const SEED: u64 = 0;
@@ -101,12 +101,12 @@ impl Subject {
 /// Drives one trip to its end, as fast as it can be drawn.
 fn drive(mut robot: Box<dyn Robot>, path: &Path) -> Result<Driven, Failure> {
     let layout = Source::layout(&robot);
-    let mut file = TripFile::create(path)?;
+    let (mut file, topics) = (TripFile::create(path)?, Topics::of_the_only_sensor());
     let mut counts = vec![0; layout.n_readings()];
     let mut driven = Driven { n_readings: layout.n_readings(), ..Driven::default() };
     let mut first = None;
     while let Some(capture) = robot.next(&mut counts).map_err(ShimError::from)? {
-        file.add_frame(layout, &counts, &capture)?;
+        file.add_frame(&topics, layout, &counts, &capture)?;
         driven.n_frames += 1;
         let first = *first.get_or_insert(capture.captured);
         driven.duration_s = (capture.captured.0 - first.0) as f64 / 1e9;

@@ -61,8 +61,12 @@ fn learnt(places: &[usize], n_frames_max: usize) -> Model {
 
 fn further(model: &Model, places: &[usize], seed: u16) -> Updated {
     let counts = trip(places, seed);
-    let origin =
-        Origin { trips: vec!["further".to_string()], n_frames: vec![counts.len() / 4], n_frames_invalid: 3 };
+    let origin = Origin {
+        trips: vec!["further".to_string()],
+        n_frames: vec![counts.len() / 4],
+        n_frames_invalid: 3,
+        ..Origin::default()
+    };
     let updated: Result<Updated, StreamError<Infallible>> =
         update(model, &mut InMemory::new(4, counts), None, origin, 1000, &mut |_, _, _| ());
     updated.unwrap()
