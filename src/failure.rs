@@ -106,9 +106,10 @@ impl From<TrainError> for Failure {
             TrainError::Config(_) | TrainError::Fit(FitError::Response(_)) => {
                 Self::AskedWrongly(error.to_string())
             }
-            TrainError::OtherSensor { .. } | TrainError::Fit(_) | TrainError::FitPca(_) => {
-                Self::CouldNot(error.to_string())
-            }
+            TrainError::OtherSensor { .. }
+            | TrainError::OtherThanModel { .. }
+            | TrainError::Fit(_)
+            | TrainError::FitPca(_) => Self::CouldNot(error.to_string()),
         }
     }
 }

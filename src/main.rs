@@ -10,6 +10,7 @@ mod cli;
 mod commands;
 mod csv;
 mod failure;
+mod kind_names;
 mod log;
 mod model_file;
 mod notify;
@@ -52,6 +53,8 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Train(arguments) => commands::train::run(*arguments),
         Verb::Evaluate(arguments) => commands::evaluate::run(&arguments),
         Verb::Inspect(arguments) => commands::inspect::run(&arguments),
+        Verb::Name(arguments) => commands::name::run(&arguments),
+        Verb::Update(arguments) => commands::update::run(&arguments),
         Verb::Publish(arguments) => commands::publish::run(&arguments),
         Verb::Serve(arguments) => commands::serve::run(&arguments),
         Verb::Reload(arguments) => commands::reload::run(&arguments),

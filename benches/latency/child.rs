@@ -49,6 +49,10 @@ impl Classify for Nothing {
         ModelId([0; 16])
     }
 
+    fn introduce(&self, report: &mut KindReport) {
+        report.set_kinds(0..self.classification.probabilities.len() as u32, (1..8).map(|from| (0, from)));
+    }
+
     fn compares_commands(&self) -> bool {
         false
     }

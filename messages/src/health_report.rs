@@ -90,7 +90,7 @@ pub struct HealthReport {
     pub n_peers_lost: u64,
     /// Status of the last report. Meaningful with [`HealthReport::HAS_LAST_FRAME`], as all about the last report.
     pub last_status: u32,
-    /// Kind of the last report.
+    /// Number of the kind of the last report.
     pub last_kind: u32,
     /// Probability of that kind.
     pub last_probability: f64,

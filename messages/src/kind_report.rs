@@ -1,6 +1,8 @@
-//! What the service says about one frame: layout version 2, the same for every language.
+//! What the service says about one frame: layout version 3, the same for every language.
 
 use iceoryx2::prelude::ZeroCopySend;
+
+use crate::level::Level;
 
 /// Most kinds that a report holds.
 pub const MAX_KINDS: usize = 64;
@@ -46,9 +48,10 @@ pub struct KindReport {
     pub version: u32,
     /// `CLASSIFIED`, or anything else for a frame that told nothing.
     pub status: u32,
-    /// The most probable kind of the frame by itself, counted from 0.
+    /// The most probable kind of the frame by itself: its index in `probabilities`, counted from 0. What people call it by is its
+    /// number.
     pub kind: u32,
-    /// The most probable kind given all frames of the run so far, counted from 0: changes less often than `kind`.
+    /// The most probable kind given all frames of the run so far, as its index: changes less often than `kind`.
     pub filtered_kind: u32,
     /// How many kinds the model has: the first so many probabilities are set.
     n_kinds: u32,
@@ -84,6 +87,11 @@ pub struct KindReport {
     filtered: [f64; MAX_KINDS],
     /// Place of the frame in the embedding.
     coordinates: [f64; MAX_DIMS],
+    /// Number of each kind: its own for ever, where its index may be another one's in the next model.
+    numbers: [u32; MAX_KINDS],
+    /// Which kinds are most alike: `n_kinds` − 1 pairs of indices, in the order in which they come together. The second of a pair,
+    /// and all that have joined it, join the first.
+    merges: [[u8; 2]; MAX_KINDS],
 }
 
 const _: () = {
@@ -109,12 +117,14 @@ const _: () = {
     assert!(offset_of!(KindReport, probabilities) == 120);
     assert!(offset_of!(KindReport, filtered) == 632);
     assert!(offset_of!(KindReport, coordinates) == 1144);
-    assert!(size_of::<KindReport>() == 1400);
+    assert!(offset_of!(KindReport, numbers) == 1400);
+    assert!(offset_of!(KindReport, merges) == 1656);
+    assert!(size_of::<KindReport>() == 1784);
 };
 
 impl KindReport {
     /// Version of this layout. Readers refuse reports of any other.
-    pub const VERSION: u32 = 2;
+    pub const VERSION: u32 = 3;
     /// `status` of a frame that was classified.
     pub const CLASSIFIED: u32 = 0;
     /// `status` of a frame that told nothing.
@@ -146,6 +156,36 @@ impl KindReport {
     /// Place of the frame in the embedding, `(n_dims,)`.
     pub fn coordinates(&self) -> &[f64] {
         &self.coordinates[..(self.n_dims as usize).min(MAX_DIMS)]
+    }
+
+    /// Number of each kind, `(n_kinds,)`: its own for ever, while indices are those of one model.
+    pub fn numbers(&self) -> &[u32] {
+        &self.numbers[..(self.n_kinds as usize).min(MAX_KINDS)]
+    }
+
+    /// The number of the kind with an index; of one that there is not, the index.
+    pub fn number(&self, kind: u32) -> u32 {
+        self.numbers().get(kind as usize).copied().unwrap_or(kind)
+    }
+
+    /// The kinds with those most alike taken together until `n_kinds` are left.
+    ///
+    /// * `n_kinds` — fewer than 1 are taken for 1, and more than the model has for as many
+    pub fn at_level(&self, n_kinds: usize) -> Level {
+        Level::new(&self.merges, n_kinds, self.probabilities(), self.filtered())
+    }
+
+    /// Sets what follows from the model alone: its kinds' numbers, and which are most alike. Panics beyond [`MAX_KINDS`]: no model
+    /// has more.
+    pub fn set_kinds(
+        &mut self,
+        numbers: impl ExactSizeIterator<Item = u32>,
+        merges: impl Iterator<Item = (usize, usize)>,
+    ) {
+        (self.numbers, self.merges) = ([0; MAX_KINDS], [[0; 2]; MAX_KINDS]);
+        self.n_kinds = numbers.len() as u32;
+        numbers.enumerate().for_each(|(kind, number)| self.numbers[kind] = number);
+        merges.enumerate().for_each(|(index, (into, from))| self.merges[index] = [into as u8, from as u8]);
     }
 
     /// Sets the probabilities of the frame by itself, those given all frames so far, and their number. Panics beyond
@@ -189,6 +229,8 @@ impl Default for KindReport {
             probabilities: [0.0; MAX_KINDS],
             filtered: [0.0; MAX_KINDS],
             coordinates: [0.0; MAX_DIMS],
+            numbers: [0; MAX_KINDS],
+            merges: [[0; 2]; MAX_KINDS],
         }
     }
 }
@@ -224,7 +266,9 @@ mod tests {
                 novelty,
                 probabilities,
                 filtered,
-                coordinates
+                coordinates,
+                numbers,
+                merges
             ]
         );
     }
@@ -236,6 +280,19 @@ mod tests {
         report.set_coordinates(&[1.0, -2.0, 3.0]);
         assert_eq!((report.probabilities(), report.filtered()), (&[0.25, 0.75][..], &[0.5, 0.5][..]));
         assert_eq!(report.coordinates(), [1.0, -2.0, 3.0]);
+    }
+
+    #[test]
+    fn a_kind_has_its_number_and_one_that_there_is_not_its_index() {
+        let mut report = KindReport::default();
+        report.set_kinds([0, 5].into_iter(), [(0, 1)].into_iter());
+        report.set_probabilities(&[0.25, 0.75], &[0.5, 0.5]);
+        assert_eq!((report.numbers(), report.number(1), report.number(2)), (&[0, 5][..], 5, 2));
+        // Another model's leave nothing behind.
+        report.set_kinds([3].into_iter(), [].into_iter());
+        let mut only = KindReport::default();
+        only.set_kinds([3].into_iter(), [].into_iter());
+        assert_eq!((report.numbers, report.merges), (only.numbers, only.merges));
     }
 
     #[test]

@@ -49,6 +49,7 @@ mod half_made;
 mod health;
 mod health_report;
 mod kind_report;
+mod level;
 mod memory;
 mod name;
 mod node;
@@ -75,6 +76,7 @@ pub use frames::{Frame, FrameLoan, FramePublisher, FrameReader};
 pub use health::{HealthPublisher, HealthReader};
 pub use health_report::{HealthReport, Latency, StageLatencies};
 pub use kind_report::{KindReport, MAX_DIMS, MAX_KINDS, ReportStatus};
+pub use level::Level;
 pub use memory::{
     SHARED_MEMORY, frames_memory_bytes, free_memory_bytes, reports_memory_bytes, service_memory_bytes,
 };

@@ -270,12 +270,12 @@ fn report_of_another_version_is_refused_in_words() {
     let reader = ReportReader::open(&node, &ring()).unwrap();
     let publisher = ReportPublisher::create(&node, &ring()).unwrap();
     let mut other = report(0);
-    other.version = 3;
+    other.version = 2;
     publisher.send(&other).unwrap();
     publisher.send(&report(1)).unwrap();
     assert_eq!(
         reader.receive().unwrap_err().to_string(),
-        "channel natural-kinds/crunch/ring/kinds carries messages of layout version 3, this program reads version 2; \
+        "channel natural-kinds/crunch/ring/kinds carries messages of layout version 2, this program reads version 3; \
          run all programs in the same version"
     );
     assert_eq!(reported(&reader), [1]);

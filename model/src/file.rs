@@ -2,7 +2,8 @@
 //!
 //! The container is safetensors; its metadata holds one entry, `manifest`, a [`Manifest`] in RON. The array `digest` is
 //! the SHA-256 of the manifest and of every other array with name, type and shape, so that a flipped bit anywhere that
-//! matters is found before the first frame, and equal contents have equal bytes and an equal [`ModelId`].
+//! matters is found before the first frame, and equal contents have equal bytes and an equal [`ModelId`]. What people call the
+//! kinds stands beside it, with a digest of its own: a model that is given a name is the same model.
 //!
 //! | array | type and shape | |
 //! |---|---|---|
@@ -22,6 +23,8 @@
 //! | `projection`, `mean_squared_geodesics` | f64 (n_landmarks, n_dims), (n_landmarks) | P and δ̄ (not by `native`) |
 //! | `geodesics` | f32 (n_frames, n_landmarks) | G (`isomap` alone) |
 //! | `digest` | u8 (32) | its first 16 bytes are the model's id |
+//! | `register` | u8 (n_bytes) | numbers, names and notes of kinds, a [`Register`] in RON |
+//! | `register_digest` | u8 (32) | the SHA-256 of `digest` and `register` |
 
 mod error;
 
@@ -43,21 +46,25 @@ use crate::features::Extractor;
 use crate::form::Form;
 use crate::frames::Frames;
 use crate::geodesics::Geodesics;
+use crate::hierarchy;
 use crate::mds::Embedding;
 use crate::mixture::Mixture;
 use crate::model::{Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX};
 use crate::novelty::{N_MEASURED, Novelty};
 use crate::plan::Method;
 use crate::reference::ReferenceSet;
+use crate::register::Register;
 use crate::response::{Response, TABLE_LEN};
 use crate::texture::{N_WAYS, Textures};
 use crate::whitening::Whitening;
 
 /// Version of the format that this crate writes and reads.
-pub const FORMAT: u32 = 3;
+pub const FORMAT: u32 = 4;
 
 const MANIFEST: &str = "manifest";
 const DIGEST: &str = "digest";
+const REGISTER: &str = "register";
+const REGISTER_DIGEST: &str = "register_digest";
 
 #[cfg(target_endian = "big")]
 compile_error!("model files are little-endian and are read where they lie");
@@ -74,9 +81,15 @@ struct NamedArray<'a> {
 pub fn to_bytes(model: &Model) -> Vec<u8> {
     let manifest = manifest_text(&model.manifest);
     let digest = digest(&manifest, &arrays(model));
-    let digest_array =
-        NamedArray { name: DIGEST, dtype: Dtype::U8, shape: vec![digest.len()], bytes: &digest };
-    let views = arrays(model).into_iter().chain([digest_array]).map(|array| {
+    let register = register_text(&model.register);
+    let register_digest = register_digest(&digest, register.as_bytes());
+    let plain = |name, bytes| NamedArray { name, dtype: Dtype::U8, shape: vec![<[u8]>::len(bytes)], bytes };
+    let beside = [
+        plain(DIGEST, &digest),
+        plain(REGISTER, register.as_bytes()),
+        plain(REGISTER_DIGEST, &register_digest),
+    ];
+    let views = arrays(model).into_iter().chain(beside).map(|array| {
         let view = TensorView::new(array.dtype, array.shape, array.bytes);
         (array.name, view.expect("shapes are those of the arrays"))
     });
@@ -126,6 +139,14 @@ fn read_manifest(text: &str) -> Result<Manifest, ModelFileError> {
         FORMAT => ron::from_str(text).map_err(unreadable),
         found => Err(ModelFileError::OtherFormat { found }),
     }
+}
+
+fn register_text(register: &Register) -> String {
+    ron::ser::to_string_pretty(register, ron::ser::PrettyConfig::default()).expect("a register is plain data")
+}
+
+fn register_digest(digest: &[u8; 32], register: &[u8]) -> [u8; 32] {
+    Sha256::new().chain_update(digest).chain_update(register).finalize().into()
 }
 
 fn digest(manifest: &str, arrays: &[NamedArray]) -> [u8; 32] {
@@ -230,6 +251,25 @@ impl File<'_> {
         Ok(Array::from_bytes(self.bytes.slice_ref(tensor.data())))
     }
 
+    /// Whether a digest is the one that was written.
+    fn check_digest(&self, name: &str, found: &[u8; 32]) -> Result<(), ModelFileError> {
+        let written = self.array::<u8>(name, Dtype::U8, &[found.len()])?;
+        if written[..] == found[..] {
+            return Ok(());
+        }
+        let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+        Err(ModelFileError::Digest { found: hex(found), written: hex(&written) })
+    }
+
+    /// What people call the kinds of the model with this digest.
+    fn register(&self, digest: &[u8; 32]) -> Result<Register, ModelFileError> {
+        // Of any length.
+        let n_bytes = self.tensors.tensor(REGISTER).map_or(0, |tensor| tensor.data().len());
+        let text = self.array::<u8>(REGISTER, Dtype::U8, &[n_bytes])?;
+        self.check_digest(REGISTER_DIGEST, &register_digest(digest, &text))?;
+        ron::de::from_bytes(&text).map_err(|error| ModelFileError::Register { reason: error.to_string() })
+    }
+
     fn whitening(&self, n_directions: usize, n_readings: usize) -> Result<Whitening, ModelFileError> {
         let shape = [n_directions, n_readings];
         Ok(Whitening {
@@ -325,15 +365,14 @@ impl File<'_> {
                 textures,
                 form,
             ),
+            register: Register::new(n_kinds),
             manifest,
         };
-        let written = self.array::<u8>(DIGEST, Dtype::U8, &[32])?;
         let found = digest(text, &arrays(&model));
-        if written[..] != found {
-            let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
-            return Err(ModelFileError::Digest { found: hex(&found), written: hex(&written) });
-        }
-        if self.tensors.len() != arrays(&model).len() + 1 {
+        self.check_digest(DIGEST, &found)?;
+        model.register = self.register(&found)?;
+        // Beside both digests and the register.
+        if self.tensors.len() != arrays(&model).len() + 3 {
             return Err(ModelFileError::Contents {
                 what: "file holds arrays that its manifest does not announce",
             });
@@ -354,6 +393,7 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
         n_dims,
         n_kinds,
         persistence,
+        merges,
         novelty,
         provenance,
         ..
@@ -398,6 +438,8 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
         ),
         (model.squared_radii.is_sorted(), "neighbourhood radii do not ascend"),
         ((0.0..1.0).contains(persistence), "persistence of kinds is not a probability below 1"),
+        (hierarchy::are_whole(*n_kinds, merges), "kinds are not merged one by one into all"),
+        (model.register.fits(*n_kinds), "kinds have numbers, names or notes that cannot be"),
         (
             novelty.false_alarm_rate > 0.0 && novelty.false_alarm_rate < 1.0,
             "rate of false alarms is not between 0 and 1",
@@ -481,6 +523,10 @@ mod tests {
             refuse(|manifest| manifest.n_neighbors = 0),
             "the model's manifest announces none of something that it needs; train anew"
         );
+        assert_eq!(
+            refuse(|manifest| manifest.merges = vec![(1, 0)]),
+            "the model's kinds are not merged one by one into all; train anew"
+        );
         let mut other = model();
         let (mut indices, nearest): (Vec<u32>, Vec<u32>) = ((0..30).collect(), (0..30).collect());
         indices.swap(3, 4);
@@ -488,6 +534,29 @@ mod tests {
         assert_eq!(
             from_bytes(&Bytes::from(to_bytes(&other))).unwrap_err().to_string(),
             "the model's reference frames are not among those it was learnt from; train anew"
+        );
+    }
+
+    #[test]
+    fn a_name_changes_neither_what_a_model_is_nor_its_id_and_a_wrong_byte_in_it_is_seen() {
+        let mut model = model();
+        let id = model.id();
+        model.name_kind(1, Some("doorway"), Some("and the lift")).unwrap();
+        let bytes = to_bytes(&model);
+        let read = from_bytes(&Bytes::from(bytes.clone())).unwrap();
+        assert_eq!((read.id(), read.register()), (id, model.register()));
+        assert_eq!(read.register().label(1), "1 (doorway)");
+        let place = bytes.windows(7).position(|window| window == b"doorway").expect("it is in there");
+        let mut other = bytes;
+        other[place] = b'D';
+        let words = from_bytes(&Bytes::from(other)).unwrap_err().to_string();
+        assert!(words.starts_with("the model file is damaged: its contents have digest "), "{words}");
+        model.clear_kind(1).unwrap();
+        assert_eq!(to_bytes(&model), to_bytes(&self::model()));
+        model.register.kinds[1].number = 0;
+        assert_eq!(
+            from_bytes(&Bytes::from(to_bytes(&model))).unwrap_err().to_string(),
+            "the model's kinds have numbers, names or notes that cannot be; train anew"
         );
     }
 

@@ -2,6 +2,7 @@
 
 mod error;
 mod kinds;
+mod update;
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -9,7 +10,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 pub use self::error::FitError;
-use self::kinds::find_kinds;
+use self::kinds::{Kinds, find_kinds, posteriors};
+pub use self::update::{KindChange, Updated, update};
 
 use crate::command::{
     CommandScale, Commands, N_COMMAND_COLUMNS, compared, mean_squared_distance, with_metric,
@@ -27,6 +29,7 @@ use crate::novelty::{FALSE_ALARM_RATE, Usual};
 use crate::out_of_sample::Manifold;
 use crate::plan::{FitPlan, LandmarkChoice, Method};
 use crate::reference::n_held;
+use crate::register::Register;
 use crate::response::{INVALID, Response};
 use crate::stream::{FrameSource, InMemory, Stream, StreamError};
 use crate::whitening::{Pairs, Whitening};
@@ -162,6 +165,7 @@ pub fn fit_stream<E: Send>(
     check_commands(commands, n_trained, plan)?;
     let mut comparison = Comparison { response: response_of(plan)?, whitening: None };
     let mut stream = Stream {
+        before: None,
         source,
         n_readings,
         comparison: comparison.clone(),
@@ -336,7 +340,8 @@ fn fit_source<E: Send>(
         held_out,
     } = located?;
     let (n_frames, n_dims) = (frames.n_frames(), coordinates.len() / n_trained);
-    let (mixture, persistence) = find_kinds(&coordinates, n_dims, plan, &mut provenance, progress)?;
+    let Kinds { mixture, persistence, merges } =
+        find_kinds(&coordinates, n_dims, plan, &mut provenance, progress)?;
 
     let usual = Usual {
         manifold: Manifold {
@@ -368,6 +373,7 @@ fn fit_source<E: Send>(
         n_dims,
         n_kinds,
         persistence,
+        merges,
         novelty: NoveltyManifest {
             n_held_out: novelty.n_held_out(),
             n_tiles: novelty.n_tiles(),
@@ -387,6 +393,7 @@ fn fit_source<E: Send>(
         embedding,
         coordinates: coordinates.into(),
         mixture,
+        register: Register::new(n_kinds),
         squared_radii: squared_radii.into(),
         novelty,
     };

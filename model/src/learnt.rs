@@ -110,14 +110,15 @@ impl HeldOut {
     /// Every second frame of some that were sampled already.
     ///
     /// * `sample` — which of the trained frames they are
-    /// * `features` — of all trained frames
-    fn of_sampled(sample: &[u32], sampled: &Frames, features: &ManyFeatures) -> Self {
+    /// * `features` — of all trained frames from the first one on, which none of the sampled comes before
+    fn of_sampled(sample: &[u32], sampled: &Frames, features: &ManyFeatures, first: u32) -> Self {
         let rows = (0..sample.len()).step_by(2).flat_map(|index| sampled.row(index));
         let rows: Vec<u16> = rows.copied().collect();
         let n_more = sampled.n_columns() - sampled.n_readings();
         let rows = Frames::with_more_columns(sampled.n_readings(), n_more, rows);
         let trained: Vec<u32> = sample.iter().copied().step_by(2).collect();
-        let (textures, form, distances) = looks(features, &trained);
+        let chosen: Vec<u32> = trained.iter().map(|trained| trained - first).collect();
+        let (textures, form, distances) = looks(features, &chosen);
         Self { trained, textures, form, distances, rows: Rows::Copied(rows) }
     }
 
@@ -199,7 +200,7 @@ impl<'a, E: Send> Learnt<'a, E> {
         let no_room = |_| no_room(plan, n_trained, n_columns);
         let mut kept =
             Kept::new(metric, compared, n_columns, plan.n_frames_max, n_trained).map_err(no_room)?;
-        let sample = landmarks::at_random(n_trained, N_FRAMES_SAMPLED, plan.seed);
+        let sample = stream.sample(N_FRAMES_SAMPLED, plan.seed);
         let mut sampled = GrowingFrames::new(compared, n_columns, sample.len()).map_err(no_room)?;
         let pass = stream.pass(&mut |first, rows| {
             kept.pass(first, rows);
@@ -215,7 +216,8 @@ impl<'a, E: Send> Learnt<'a, E> {
         let (frames, kept) = kept.into_references();
         let sampled = sampled.into_frames();
         let intrinsic_dims = Some(dims_of(&sampled, metric));
-        let held_out = HeldOut::of_sampled(&sample, &sampled, &stream.features);
+        let first = stream.first_with_features() as u32;
+        let held_out = HeldOut::of_sampled(&sample, &sampled, &stream.features, first);
         Ok(Self {
             frames,
             trained: Trained::Read { stream: Box::new(stream), kept },

@@ -115,6 +115,25 @@ impl Mixture {
         Ok(Self { n_dims, weights, means, covariances, whitenings, log_peaks })
     }
 
+    /// The same with kinds in another order.
+    ///
+    /// * `order` — which of the kinds comes first, second, …; each once
+    pub(crate) fn in_order(&self, order: &[usize]) -> Self {
+        assert_eq!(order.len(), self.n_kinds(), "each kind once");
+        let of = |numbers: &[f64]| {
+            let n_each = numbers.len() / self.n_kinds();
+            order.iter().flat_map(|&kind| numbers[kind * n_each..][..n_each].to_vec()).collect()
+        };
+        Self {
+            n_dims: self.n_dims,
+            weights: of(&self.weights),
+            means: of(&self.means),
+            covariances: of(&self.covariances),
+            whitenings: of(&self.whitenings),
+            log_peaks: of(&self.log_peaks),
+        }
+    }
+
     /// J.
     pub fn n_kinds(&self) -> usize {
         self.weights.len()

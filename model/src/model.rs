@@ -10,6 +10,7 @@ use crate::command::CommandScale;
 use crate::comparison::Comparison;
 use crate::frames::{Frames, SensorLayout};
 use crate::geodesics::Geodesics;
+use crate::hierarchy::{self, Merge};
 use crate::intrinsic_dims::IntrinsicDims;
 use crate::mds::Embedding;
 use crate::metric::AnyMetric;
@@ -19,6 +20,7 @@ use crate::out_of_sample::Manifold;
 use crate::persistence::Filter;
 use crate::plan::FitPlan;
 use crate::reference::ReferenceSet;
+use crate::register::{NameError, Register};
 use crate::response::{Response, Scale};
 use crate::whitening::Whitening;
 
@@ -51,6 +53,8 @@ pub struct Manifest {
     /// s: the probability that a frame's kind is that of the frame before, rather than drawn by the mixing weights; see
     /// [`Filter`].
     pub persistence: f64,
+    /// Which kinds are most alike, in the order in which they come together: see [`crate::hierarchy`].
+    pub merges: Vec<Merge>,
     /// What novelty was learnt from, and what it means.
     pub novelty: NoveltyManifest,
     /// Where it came from, and why it is as it is. Classifying needs none of it.
@@ -245,6 +249,8 @@ pub struct Model {
     /// Of the trained frames, shape `(n_trained, n_dims)`, counts.
     pub(crate) coordinates: Array<f64>,
     pub(crate) mixture: Mixture,
+    /// What people call the kinds. No part of what the model is: its id does not depend on it.
+    pub(crate) register: Register,
     /// Squared distance of each reference frame to its ns-th neighbour, ascending, shape `(n_frames,)`, counts².
     pub(crate) squared_radii: Array<u64>,
     pub(crate) novelty: Novelty,
@@ -340,6 +346,42 @@ impl Model {
     /// The kinds.
     pub fn mixture(&self) -> &Mixture {
         &self.mixture
+    }
+
+    /// What people call the kinds, by index.
+    pub fn register(&self) -> &Register {
+        &self.register
+    }
+
+    /// Calls a kind by a name, or gives it a note; what is not given stays.
+    ///
+    /// * `number` — the kind's in the register, which an update does not change
+    ///
+    /// # Errors
+    /// If there is no such kind, or no table could show the words.
+    pub fn name_kind(
+        &mut self,
+        number: u32,
+        name: Option<&str>,
+        note: Option<&str>,
+    ) -> Result<(), NameError> {
+        self.register.name(number, name, note)
+    }
+
+    /// Takes name and note from a kind.
+    ///
+    /// # Errors
+    /// If there is no such kind.
+    pub fn clear_kind(&mut self, number: u32) -> Result<(), NameError> {
+        self.register.clear(number)
+    }
+
+    /// Which group each kind is of where those most alike are taken together until so many groups are left, shape `(n_kinds,)`:
+    /// groups are numbered from 0 in the order of their first kinds. A group's probability is the sum of those of its kinds.
+    ///
+    /// * `n_groups` — fewer than 1 are taken for 1, and more than there are kinds for as many
+    pub fn merged(&self, n_groups: usize) -> Vec<usize> {
+        hierarchy::groups(self.manifest.n_kinds, &self.manifest.merges, n_groups)
     }
 
     /// Takes frames in their order into account, beginning with none.

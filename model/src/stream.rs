@@ -11,13 +11,15 @@ use crate::command::{Command, CommandScale, N_COMMAND_COLUMNS};
 use crate::comparison::Comparison;
 use crate::features::{Extractor, ManyFeatures};
 use crate::fit::FitError;
+use crate::landmarks;
+use crate::model::Model;
 
 /// Frames that are worked on side by side: 10 MB of 19840 readings. What comes out does not depend on it, but which
 /// frames are references may ([`crate::ReferenceSet`]).
 pub(crate) const N_FRAMES_IN_BATCH: usize = 256;
 
 /// Frames that a thread works on in one go.
-const N_FRAMES_AT_ONCE: usize = 16;
+pub(crate) const N_FRAMES_AT_ONCE: usize = 16;
 
 /// Raw frames that can be read more than once.
 pub trait FrameSource: Send {
@@ -98,19 +100,52 @@ impl FrameSource for InMemory {
 
 /// Rows of frames as they are compared, and commands behind them.
 pub(crate) struct Stream<'a, E> {
+    /// A model whose trained frames come first, each as the reference frame that stands for it.
+    pub(crate) before: Option<&'a Model>,
     pub(crate) source: &'a mut dyn FrameSource<Error = E>,
     pub(crate) n_readings: usize,
     pub(crate) comparison: Comparison,
     pub(crate) extractor: Extractor,
-    /// Of the frames that have been read, in order; of all after the first pass.
+    /// Of the frames that have been read, in order, from [`Self::first_with_features`] on; of all after the first pass.
     pub(crate) features: ManyFeatures,
-    /// And the command of each frame.
+    /// And the command of each frame that the source has.
     pub(crate) commands: Option<(CommandScale, &'a [Command])>,
 }
 
 impl<E: Send> Stream<'_, E> {
     pub(crate) fn n_frames(&self) -> usize {
-        self.source.n_frames()
+        self.n_before() + self.source.n_frames()
+    }
+
+    fn n_before(&self) -> usize {
+        self.before.map_or(0, |model| model.references().n_trained())
+    }
+
+    /// The first frame whose readings are known: of frames that a model has kept along slow directions they are not.
+    pub(crate) fn first_with_features(&self) -> usize {
+        if self.comparison.whitening.is_some() { self.n_before() } else { 0 }
+    }
+
+    /// Some frames at random that are what a sensor saw, ascending: of those of a model its reference frames, whose readings are
+    /// known, and all that are read.
+    pub(crate) fn sample(&self, n_sampled: usize, seed: u64) -> Vec<u32> {
+        let of_model = match self.before {
+            Some(model) if self.first_with_features() == 0 => model.references().indices(),
+            _ => &[],
+        };
+        let (n_before, n_of_model) = (self.n_before() as u32, of_model.len() as u32);
+        let sample =
+            landmarks::at_random(of_model.len() + self.source.n_frames(), n_sampled, seed).into_iter();
+        sample
+            .map(|index| of_model.get(index as usize).copied().unwrap_or(n_before + index - n_of_model))
+            .collect()
+    }
+
+    /// The row of a frame of the model before.
+    fn row_before(&self, index: usize) -> Option<&[u16]> {
+        let model = self.before?;
+        let reference = *model.references().nearest().get(index)?;
+        Some(model.frames().row(reference as usize))
     }
 
     /// Readings, or directions of them, that are compared.
@@ -204,16 +239,22 @@ impl<E: Send> Stream<'_, E> {
         let mut features = self.extractor.memory();
         rows.resize((last - first) * n_columns, 0);
         for (index, row) in (first..last).zip(rows.chunks_exact_mut(n_columns)) {
-            let (compared, command) = row.split_at_mut(n_compared);
-            self.source.read(&mut raw)?;
-            self.comparison.map(&raw, &mut scratch, compared);
-            // In the first pass; the others see the same frames.
-            if self.features.n_frames() == index {
-                self.extractor.extract(self.comparison.readings(&scratch, compared), &mut features);
-                self.features.push(&features);
+            match self.row_before(index) {
+                Some(before) => row.copy_from_slice(before),
+                None => {
+                    let (compared, command) = row.split_at_mut(n_compared);
+                    self.source.read(&mut raw)?;
+                    self.comparison.map(&raw, &mut scratch, compared);
+                    if let Some((scale, commands)) = &self.commands {
+                        command.copy_from_slice(&scale.counts(&commands[index - self.n_before()]));
+                    }
+                }
             }
-            if let Some((scale, commands)) = &self.commands {
-                command.copy_from_slice(&scale.counts(&commands[index]));
+            // In the first pass; the others see the same frames.
+            if self.first_with_features() + self.features.n_frames() == index {
+                let readings = self.comparison.readings(&scratch, &row[..n_compared]);
+                self.extractor.extract(readings, &mut features);
+                self.features.push(&features);
             }
         }
         Ok(())
@@ -236,8 +277,15 @@ mod tests {
             let comparison = Comparison { response, whitening: None };
             let extractor = Extractor::new(crate::testing::layout(1, 2), &AnyMetric::Euclidean(Euclidean));
             let features = ManyFeatures::default();
-            let mut stream =
-                Stream { source, n_readings: 2, comparison, extractor, features, commands: None };
+            let mut stream = Stream {
+                before: None,
+                source,
+                n_readings: 2,
+                comparison,
+                extractor,
+                features,
+                commands: None,
+            };
             let mut passed = Vec::new();
             for _ in 0..2 {
                 passed.clear();

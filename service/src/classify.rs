@@ -1,5 +1,6 @@
 //! What the service asks of a model.
 
+use kinds_messages::KindReport;
 use kinds_model::{Classification, Classifier, Command, Filter, ModelId, SensorLayout};
 
 /// Turns frames into kind probabilities: [`Classifier`] on a robot, a stand-in in tests.
@@ -9,6 +10,9 @@ pub trait Classify {
 
     /// Which model this is.
     fn model_id(&self) -> ModelId;
+
+    /// Says in a report what follows from the model alone: its id, its kinds' numbers, and which are most alike.
+    fn introduce(&self, report: &mut KindReport);
 
     /// Whether frames are compared by commands beside their readings.
     fn compares_commands(&self) -> bool;
@@ -33,6 +37,12 @@ impl Classify for Classifier {
 
     fn model_id(&self) -> ModelId {
         self.model().id()
+    }
+
+    fn introduce(&self, report: &mut KindReport) {
+        let numbers = self.model().register().kinds().iter().map(|record| record.number);
+        report.model_id = self.model().id().0;
+        report.set_kinds(numbers, self.model().manifest().merges.iter().copied());
     }
 
     fn compares_commands(&self) -> bool {

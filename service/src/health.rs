@@ -70,7 +70,7 @@ impl Health {
         health.n_novel += u64::from(is_novel && report.status() == ReportStatus::Classified);
         health.flags |= HealthReport::HAS_LAST_FRAME;
         health.last_status = report.status;
-        health.last_kind = report.kind;
+        health.last_kind = report.number(report.kind);
         health.last_probability =
             report.probabilities().get(report.kind as usize).copied().unwrap_or_default();
         health.last_novelty = report.novelty;

@@ -105,7 +105,7 @@ impl<C: Classify> Service<C> {
         let health_reports = HealthPublisher::create(node, sensor)?;
         let shim_is_there = frames.is_published();
         let mut report = KindReport::default();
-        report.model_id = classifier.model_id().0;
+        classifier.introduce(&mut report);
         let mut service = Self {
             node: node.clone(),
             sensor: sensor.clone(),
@@ -266,7 +266,7 @@ impl<C: Classify> Service<C> {
             let before = std::mem::replace(&mut self.classifier, classifier);
             let ids = [before.model_id(), self.classifier.model_id()];
             replaced.take(before);
-            self.report.model_id = ids[1].0;
+            self.classifier.introduce(&mut self.report);
             (self.filter, self.report.n_filtered) = (self.classifier.filter(), 0);
             ids.map(|id| id.to_string())
         });

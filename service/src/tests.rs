@@ -59,6 +59,11 @@ impl Classify for Spy {
         ModelId(MODEL_ID)
     }
 
+    fn introduce(&self, report: &mut KindReport) {
+        report.model_id = MODEL_ID;
+        report.set_kinds([4, 7].into_iter(), [(0, 1)].into_iter());
+    }
+
     fn compares_commands(&self) -> bool {
         self.compares_commands
     }
@@ -179,6 +184,7 @@ fn every_frame_gets_one_report_that_says_all_the_classifier_said() {
     assert_eq!((report.kind, report.n_invalid), (1, 2));
     assert_eq!((report.run, report.sequence, report.n_lost, report.captured_ns), (7, 0, 0, 1000));
     assert_eq!(report.model_id, MODEL_ID);
+    assert_eq!((report.numbers(), report.at_level(1).groups()), (&[4, 7][..], &[0, 0][..]));
     assert_eq!((report.log_likelihood, report.novelty), (-4.5, 0.125));
     assert_eq!(report.probabilities(), [0.25, 0.75]);
     assert_eq!(report.coordinates(), [1.5, -2.5, 3.5]);

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use kinds_messages::{
-    FrameHeader, FramePublisher, FrameReader, HealthPublisher, HealthReader, Node, OwnDomain,
+    FrameHeader, FramePublisher, FrameReader, HealthPublisher, HealthReader, KindReport, Node, OwnDomain,
     ReportPublisher, ReportReader, ReportStatus, Waiting, WakeUp,
 };
 use kinds_model::{
@@ -109,6 +109,10 @@ impl Classify for Noting {
 
     fn model_id(&self) -> ModelId {
         self.classifier.model_id()
+    }
+
+    fn introduce(&self, report: &mut KindReport) {
+        self.classifier.introduce(report);
     }
 
     fn compares_commands(&self) -> bool {

@@ -89,6 +89,10 @@ pub(crate) enum Verb {
     Evaluate(Box<EvaluateArguments>),
     /// Say what is in a model
     Inspect(InspectArguments),
+    /// Call a kind by a name, in the model's file
+    Name(NameArguments),
+    /// Learn a model further from more trips: kinds that it knows keep their numbers and names
+    Update(UpdateArguments),
     /// Publish the frames of a sensor into shared memory
     Publish(Box<PublishArguments>),
     /// Classify every frame of a sensor and publish its kind
@@ -154,6 +158,43 @@ pub(crate) struct InspectArguments {
 }
 
 #[derive(Args, Debug)]
+pub(crate) struct NameArguments {
+    /// The model; its file is written anew. Its id stays, so that a service that has it in use need not read it again
+    #[arg(value_name = "M.kinds")]
+    pub(crate) model: PathBuf,
+    /// The kind's number, as `kinds inspect` and `kinds watch` print it
+    #[arg(value_name = "KIND")]
+    pub(crate) number: u32,
+    /// A word or two, at most 40 characters
+    #[arg(required_unless_present_any = ["note", "clear"])]
+    pub(crate) name: Option<String>,
+    /// What else there is to say of it, at most 400 characters
+    #[arg(long, value_name = "TEXT")]
+    pub(crate) note: Option<String>,
+    /// Take name and note away
+    #[arg(long, conflicts_with_all = ["name", "note"])]
+    pub(crate) clear: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct UpdateArguments {
+    /// The model
+    #[arg(value_name = "M.kinds")]
+    pub(crate) model: PathBuf,
+    /// Further trips of its sensor: ROS 2 bags (MCAP) or ROS 1 bags
+    #[arg(required = true, value_name = "TRIP")]
+    pub(crate) trips: Vec<PathBuf>,
+    /// File to write the new model to
+    #[arg(long, short, value_name = "M2.kinds")]
+    pub(crate) output: PathBuf,
+    /// Print what became of the kinds as one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    reading: ReadingArguments,
+}
+
+#[derive(Args, Debug)]
 pub(crate) struct ReloadArguments {
     /// Configuration of the service: its sensor is meant, and its model is taken into use; a flag overrides a field
     #[arg(long, value_name = "FILE.ron")]
@@ -176,6 +217,9 @@ pub(crate) struct TopArguments {
     /// Print one JSON object a line instead of a table
     #[arg(long)]
     pub(crate) json: bool,
+    /// Models by whose names kinds are called, where a service has one of them in use
+    #[arg(long, num_args = 1.., value_name = "M.kinds")]
+    pub(crate) model: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) domain: DomainArguments,
 }
@@ -191,6 +235,12 @@ pub(crate) struct WatchArguments {
     /// End after this many reports
     #[arg(long, value_name = "N")]
     pub(crate) count: Option<u64>,
+    /// Take the kinds that are most alike together, until so many are left
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) kinds: Option<u32>,
+    /// The model by whose names kinds are called, as long as the service has it in use
+    #[arg(long, value_name = "M.kinds")]
+    pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) domain: DomainArguments,
 }
@@ -293,6 +343,12 @@ impl ReadingArguments {
             commands_topic: self.commands_topic.clone(),
             metres_per_count: self.metres_per_count.or(metres_per_count).unwrap_or(usual.metres_per_count),
         }
+    }
+}
+
+impl UpdateArguments {
+    pub(crate) fn selection(&self, metres_per_count: f64) -> Selection {
+        self.reading.selection(Some(metres_per_count))
     }
 }
 

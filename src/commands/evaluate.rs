@@ -4,7 +4,7 @@ mod report;
 
 use std::path::{Path, PathBuf};
 
-use kinds_model::Model;
+use kinds_model::{Model, Register};
 use kinds_trainer::{
     ClassifiedTrip, CommandSpread, Evaluation, LoadedTrip, Meetings, MethodScores, PairScores, Policy,
     Rivals, Scores, SegmentFormat, Segmentation, SegmentationAgreement, Stage, Track, TripKinds, Uses,
@@ -65,7 +65,7 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
         if index > 0 || !evaluation.pairs.is_empty() {
             say("")?;
         }
-        tell_uses(uses)?;
+        tell_uses(uses, model.register())?;
     }
     agreement.iter().try_for_each(tell_agreement)?;
     let written = arguments.policy.iter().chain(&report);
@@ -133,7 +133,7 @@ fn tell(evaluation: &Evaluation) -> Result<(), Failure> {
 }
 
 /// What the kinds of one space make, for a person: a few lines of what a report shows whole.
-fn tell_uses(uses: &Uses) -> Result<(), Failure> {
+fn tell_uses(uses: &Uses, register: &Register) -> Result<(), Failure> {
     for sequence in &uses.sequences {
         let per_m = sequence.switches_per_m.map_or(String::new(), |rate| format!(", {rate:.2} a metre"));
         let per_s =
@@ -147,6 +147,16 @@ fn tell_uses(uses: &Uses) -> Result<(), Failure> {
             sequence.run_frames_shuffled
         ))?;
     }
+    for (sequence, drift) in uses.sequences.iter().zip(&uses.drift) {
+        let Some(drift) = drift else { continue };
+        say(format!(
+            "{}: {:.1} % of the frames are novel, where {} % is usual; kinds have other shares than in training for {:.1} % of them",
+            sequence.trip,
+            100.0 * drift.novel,
+            100.0 * drift.novel_usual,
+            100.0 * drift.total_variation
+        ))?;
+    }
     if let Some(map) = &uses.map {
         say(format!("map: {} regions, {} ways between them", map.regions.len(), map.edges.len()))?;
     }
@@ -158,7 +168,7 @@ fn tell_uses(uses: &Uses) -> Result<(), Failure> {
         });
         say(format!(
             "kind {} is perceptually aliased: it was driven through at {}",
-            kind.kind,
+            register.label(kind.kind),
             sorts.collect::<Vec<_>>().join(", or at ")
         ))?;
     }

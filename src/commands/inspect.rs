@@ -3,10 +3,11 @@
 use std::io::Write;
 
 use kinds_model::evidence::best_by_bound;
+use kinds_model::hierarchy::Merge;
 use kinds_model::neighborhood::short_circuits;
 use kinds_model::{
-    DirichletProvenance, FitPlan, KindsTrial, LandmarkChoice, Manifest, Model, NeighborsTrial, ScaleTrial,
-    WhiteningPlan,
+    DirichletProvenance, FitPlan, KindRecord, KindsTrial, LandmarkChoice, Manifest, Model, NeighborsTrial,
+    Register, ScaleTrial, WhiteningPlan,
 };
 use kinds_trainer::kept_by_scale;
 use serde::Serialize;
@@ -23,6 +24,9 @@ struct Inspection<'a> {
     #[serde(flatten)]
     manifest: &'a Manifest,
     weights: &'a [f64],
+    /// What people call the kinds, by index, and those that the model had before updates.
+    #[serde(flatten)]
+    register: &'a Register,
 }
 
 pub(crate) fn run(arguments: &InspectArguments) -> Result<(), Failure> {
@@ -30,7 +34,8 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     if arguments.json {
         let weights = model.mixture().weights();
-        let inspection = Inspection { model_id: model.id().to_string(), manifest: model.manifest(), weights };
+        let (model_id, manifest, register) = (model.id().to_string(), model.manifest(), model.register());
+        let inspection = Inspection { model_id, manifest, weights, register };
         writeln!(out, "{}", serde_json::to_string_pretty(&inspection).expect("a manifest is plain data"))?;
     } else {
         write!(out, "{}", describe(&model))?;
@@ -137,11 +142,7 @@ fn describe(model: &Model) -> String {
         ),
     ]);
     let mut text: String = lines.iter().map(|(name, value)| format!("{name:12} {value}\n")).collect();
-    text += "\nkind  weight\n";
-    for (kind, weight) in model.mixture().weights().iter().enumerate() {
-        text +=
-            &format!("{kind:4} {:6.1} %  {}\n", 100.0 * weight, "█".repeat((40.0 * weight).round() as usize));
-    }
+    text += &kinds_table(model);
     if !provenance.neighbors_tried.is_empty() {
         text += &neighbors_table(&provenance.neighbors_tried, *n_neighbors);
     }
@@ -152,6 +153,48 @@ fn describe(model: &Model) -> String {
         text += &dirichlet_table(process);
     }
     text
+}
+
+/// The kinds with their shares and names, a line each; which of them are most alike, as brackets that join them, the most alike
+/// first; and those that the model has no more.
+fn kinds_table(model: &Model) -> String {
+    let mut text = "\nkind  weight\n".to_string();
+    let brackets = brackets(model.mixture().n_kinds(), &model.manifest().merges);
+    let kinds = model.mixture().weights().iter().zip(model.register().kinds());
+    for ((weight, KindRecord { number, name, note }), bracket) in kinds.zip(brackets) {
+        let bar = "█".repeat((40.0 * weight).round() as usize);
+        let words = [name, note].into_iter().filter(|words| !words.is_empty());
+        let words = words.map(String::as_str).collect::<Vec<_>>().join(": ");
+        let line = format!("{number:4} {:6.1} %  {bracket}  {bar:40}  {words}", 100.0 * weight);
+        text += &format!("{}\n", line.trim_end());
+    }
+    for KindRecord { number, name, .. } in model.register().retired() {
+        let line = format!("{number:4}  retired  {name}");
+        text += &format!("{}\n", line.trim_end());
+    }
+    text
+}
+
+/// The tree of merges beside a column of kinds, a row for each kind: in each column two groups come together, at the rows of
+/// their first kinds.
+fn brackets(n_kinds: usize, merges: &[Merge]) -> Vec<String> {
+    let mut rows = vec![String::new(); n_kinds];
+    let mut is_there = vec![true; n_kinds];
+    for &(into, from) in merges {
+        for (kind, row) in rows.iter_mut().enumerate() {
+            let is_between = into < kind && kind < from;
+            row.push_str(match is_there[kind] {
+                true if kind == into => "─┬",
+                true if kind == from => "─┘",
+                true if is_between => "─┼",
+                true => "──",
+                false if is_between => " │",
+                false => "  ",
+            });
+        }
+        is_there[from] = false;
+    }
+    rows
 }
 
 fn scales_tried(tried: &[ScaleTrial]) -> String {
@@ -272,4 +315,23 @@ fn dirichlet_table(process: &DirichletProvenance) -> String {
     let n_frames: Vec<String> =
         process.n_frames_of_kinds.iter().map(|n_frames| format!("{n_frames:.1}")).collect();
     text + &format!("independent frames of each kind: {}\n", n_frames.join(" "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_that_are_most_alike_are_joined_first() {
+        assert_eq!(brackets(1, &[]), [""]);
+        assert_eq!(
+            brackets(4, &[(1, 3), (0, 2), (0, 1)]),
+            [
+                "───┬─┬", //
+                "─┬─┼─┘",
+                "─┼─┘  ",
+                "─┘    ",
+            ]
+        );
+    }
 }

@@ -5,6 +5,7 @@ pub(crate) mod demo;
 pub(crate) mod doctor;
 pub(crate) mod evaluate;
 pub(crate) mod inspect;
+pub(crate) mod name;
 pub(crate) mod pages;
 pub(crate) mod publish;
 pub(crate) mod record;
@@ -14,6 +15,7 @@ pub(crate) mod serve;
 pub(crate) mod top;
 pub(crate) mod train;
 pub(crate) mod trips;
+pub(crate) mod update;
 pub(crate) mod watch;
 
 use kinds_messages::OwnDomain;

@@ -6,12 +6,14 @@ mod screen;
 mod table;
 
 use std::io::IsTerminal;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::cli::TopArguments;
 use crate::commands::top::observer::Observer;
 use crate::failure::Failure;
+use crate::kind_names::KindNames;
 use crate::say::say;
 use crate::stop;
 
@@ -26,7 +28,8 @@ const PERIOD: Duration = Duration::from_secs(1);
 
 pub(crate) fn run(arguments: &TopArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
-    let observer = Observer::join(arguments.domain.domain())?;
+    let names = KindNames::read(arguments.model.iter().map(PathBuf::as_path))?;
+    let observer = Observer::join(arguments.domain.domain(), names)?;
     if arguments.once || arguments.json || !std::io::stdout().is_terminal() {
         print(observer, arguments, &stop)
     } else {

@@ -4,14 +4,17 @@ use std::io::{BufWriter, Write};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use kinds_messages::{KindReport, Node, ReportReader, ReportStatus, SensorName};
+use kinds_messages::{KindReport, MAX_KINDS, Node, ReportReader, ReportStatus, SensorName};
+use kinds_model::mixture::most_probable;
 use serde::Serialize;
 
 use crate::cli::WatchArguments;
 use crate::failure::Failure;
+use crate::kind_names::KindNames;
 use crate::{log, stop};
 
 pub(crate) fn run(arguments: &WatchArguments) -> Result<(), Failure> {
+    let names = KindNames::read(arguments.model.as_deref())?;
     let stop = stop::on_signals()?;
     let mut reports =
         Reports::open(Node::open(&arguments.domain.domain(), "kinds-watch")?, &arguments.sensor)?;
@@ -21,7 +24,8 @@ pub(crate) fn run(arguments: &WatchArguments) -> Result<(), Failure> {
         while n_left > 0
             && let Some(report) = reports.receive()?
         {
-            let line = if arguments.json { json_line(&report) } else { text_line(&report) };
+            let kinds = ShownKinds::of(&report, arguments.kinds, &names);
+            let line = if arguments.json { json_line(&report, &kinds) } else { line_of(&report, &kinds) };
             writeln!(out, "{line}")?;
             n_left -= 1;
         }
@@ -101,28 +105,64 @@ fn n_missed_between(last: &KindReport, next: &KindReport) -> u64 {
     next.sequence.saturating_sub(last.sequence).saturating_sub(1).saturating_sub(next.n_lost)
 }
 
+/// The kinds of a report as somebody wants to see them: those of the model, or groups of those that are most alike.
+#[derive(Serialize)]
+struct ShownKinds<'a> {
+    kind: usize,
+    probabilities: Vec<f64>,
+    /// Given all frames of the run so far.
+    filtered_kind: usize,
+    filtered: Vec<f64>,
+    /// Of the model's kinds in each.
+    numbers: Vec<Vec<u32>>,
+    /// What a person calls the most probable, if it is one kind and has a name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    name: Option<&'a str>,
+}
+
+impl<'a> ShownKinds<'a> {
+    /// * `n_kinds` — how many to show; none for all
+    fn of(report: &KindReport, n_kinds: Option<u32>, names: &'a KindNames) -> Self {
+        let level = report.at_level(n_kinds.map_or(MAX_KINDS, |n_kinds| n_kinds as usize));
+        let (probabilities, filtered) = (level.probabilities().to_vec(), level.filtered().to_vec());
+        let mut numbers = vec![Vec::new(); probabilities.len()];
+        for (&group, &number) in level.groups().iter().zip(report.numbers()) {
+            numbers[usize::from(group)].push(number);
+        }
+        let [kind, filtered_kind] = match n_kinds {
+            None => [report.kind, report.filtered_kind].map(|kind| kind as usize),
+            Some(_) => [&probabilities, &filtered].map(|probabilities| most_probable(probabilities)),
+        };
+        let name = match numbers.get(kind).map(Vec::as_slice) {
+            Some(&[number]) => names.name(report.model_id, number),
+            _ => None,
+        };
+        Self { kind, probabilities, filtered_kind, filtered, numbers, name }
+    }
+
+    /// What the most probable is called by: its number, or its kinds' numbers.
+    fn label(&self) -> String {
+        let numbers = self.numbers.get(self.kind).into_iter().flatten();
+        numbers.map(u32::to_string).collect::<Vec<_>>().join("+")
+    }
+}
+
 /// What `watch --json` prints for a report.
 #[derive(Serialize)]
 struct ReportLine<'a> {
     sequence: u64,
-    kind: u32,
-    probabilities: &'a [f64],
-    /// Given all frames of the run so far.
-    filtered_kind: u32,
-    filtered: &'a [f64],
+    #[serde(flatten)]
+    kinds: &'a ShownKinds<'a>,
     /// Null for an invalid frame.
     log_likelihood: f64,
     status: &'static str,
     latency_ns: u64,
 }
 
-fn json_line(report: &KindReport) -> String {
+fn json_line(report: &KindReport, kinds: &ShownKinds) -> String {
     let line = ReportLine {
         sequence: report.sequence,
-        kind: report.kind,
-        probabilities: report.probabilities(),
-        filtered_kind: report.filtered_kind,
-        filtered: report.filtered(),
+        kinds,
         log_likelihood: report.log_likelihood,
         status: report.status().name(),
         latency_ns: latency_ns(report),
@@ -131,17 +171,19 @@ fn json_line(report: &KindReport) -> String {
 }
 
 pub(crate) fn text_line(report: &KindReport) -> String {
+    line_of(report, &ShownKinds::of(report, None, &KindNames::default()))
+}
+
+fn line_of(report: &KindReport, kinds: &ShownKinds) -> String {
     let latency_us = latency_ns(report) as f64 / 1e3;
     let sequence = report.sequence;
     match report.status() {
         ReportStatus::Classified => {
-            let probability = report.probabilities().get(report.kind as usize).copied().unwrap_or(f64::NAN);
-            let kind = report.kind;
-            let bars = bars(report.probabilities());
-            let novelty = report.novelty;
+            let percent = 100.0 * kinds.probabilities.get(kinds.kind).copied().unwrap_or(f64::NAN);
+            let (label, bars, novelty) = (kinds.label(), bars(&kinds.probabilities), report.novelty);
+            let name = kinds.name.map_or(String::new(), |name| format!("  {name}"));
             format!(
-                "frame {sequence:6}  kind {kind:2}  {:3.0} %  {bars}  novelty {novelty:.2}  {latency_us:7.1} µs",
-                100.0 * probability
+                "frame {sequence:6}  kind {label:>2}  {percent:3.0} %  {bars}  novelty {novelty:.2}  {latency_us:7.1} µs{name}"
             )
         }
         ReportStatus::Invalid => format!("frame {sequence:6}  no valid reading{latency_us:26.1} µs"),
@@ -189,13 +231,23 @@ mod tests {
         classified.sent_monotonic_ns = 1000;
         classified.reported_monotonic_ns = 4500;
         classified.filtered_kind = 0;
+        classified.set_kinds([0, 4].into_iter(), [(0, 1)].into_iter());
         classified.set_probabilities(&[0.25, 0.75], &[0.625, 0.375]);
+        let names = KindNames::default();
+        let json = |report: &KindReport, n_kinds| json_line(report, &ShownKinds::of(report, n_kinds, &names));
         assert_eq!(
-            json_line(&classified),
-            r#"{"sequence":7,"kind":1,"probabilities":[0.25,0.75],"filtered_kind":0,"filtered":[0.625,0.375],"log_likelihood":-12.5,"status":"classified","latency_ns":3500}"#
+            json(&classified, None),
+            r#"{"sequence":7,"kind":1,"probabilities":[0.25,0.75],"filtered_kind":0,"filtered":[0.625,0.375],"numbers":[[0],[4]],"log_likelihood":-12.5,"status":"classified","latency_ns":3500}"#
         );
-        assert_eq!(text_line(&classified), "frame      7  kind  1   75 %  ▂▆  novelty 0.00      3.5 µs");
-        let invalid = json_line(&report(1, 8, 0));
+        assert_eq!(text_line(&classified), "frame      7  kind  4   75 %  ▂▆  novelty 0.00      3.5 µs");
+        // Both taken together.
+        assert_eq!(
+            json(&classified, Some(1)),
+            r#"{"sequence":7,"kind":0,"probabilities":[1.0],"filtered_kind":0,"filtered":[1.0],"numbers":[[0,4]],"log_likelihood":-12.5,"status":"classified","latency_ns":3500}"#
+        );
+        let together = line_of(&classified, &ShownKinds::of(&classified, Some(1), &names));
+        assert_eq!(together, "frame      7  kind 0+4  100 %  █  novelty 0.00      3.5 µs");
+        let invalid = json(&report(1, 8, 0), None);
         assert!(invalid.contains(r#""log_likelihood":null,"status":"invalid""#), "{invalid}");
     }
 }

@@ -91,7 +91,7 @@ fn python(robot: &Robot, source: &str, arguments: &[&str], packages: &str) -> Op
 }
 
 /// Waits until a program reads a channel.
-fn await_reader(robot: &Robot, reader: &Running, purpose: Purpose) {
+pub(crate) fn await_reader(robot: &Robot, reader: &Running, purpose: Purpose) {
     await_that(|| {
         let census = robot.domain().census("test").unwrap();
         let channel = census.channel(&SENSOR.parse().unwrap(), purpose);
@@ -110,6 +110,14 @@ fn lines(reports: &[KindReport]) -> String {
 
 /// A consumer prints what a consumer in Rust gets, though it is stopped and continued while it waits.
 fn check_consumer(start: impl FnOnce(&Robot) -> Option<Command>) {
+    check_printed(start, lines);
+}
+
+/// * `expected` — what it prints of these reports
+fn check_printed(
+    start: impl FnOnce(&Robot) -> Option<Command>,
+    expected: impl FnOnce(&[KindReport]) -> String,
+) {
     let robot = Robot::trained();
     let service = robot.serve();
     let Some(mut command) = start(&robot) else { return };
@@ -122,8 +130,20 @@ fn check_consumer(start: impl FnOnce(&Robot) -> Option<Command>) {
     assert_eq!(reports.len(), 130);
     let outcome = watch.end();
     assert_eq!((outcome.code, outcome.stderr.as_str()), (Some(0), ""));
-    assert_eq!(outcome.stdout, lines(&reports));
+    assert_eq!(outcome.stdout, expected(&reports));
     service.stop(Signal::TERM);
+}
+
+/// What a program prints of these reports that takes the kinds most alike together until two are left.
+fn levels(reports: &[KindReport]) -> String {
+    let line = |report: &KindReport| {
+        let level = report.at_level(2);
+        let shares = level.probabilities().iter().chain(level.filtered()).map(|share| format!(" {share:.6}"));
+        let groups = level.groups().iter().map(|group| format!(" {group}"));
+        let numbers = report.numbers().iter().map(|number| format!(" {number}"));
+        format!("frame {}:{}\n", report.sequence, shares.chain(groups).chain(numbers).collect::<String>())
+    };
+    reports.iter().map(line).collect()
 }
 
 fn check_compiled_consumer(source: &str, linked: Linked) {
@@ -143,6 +163,21 @@ fn a_consumer_in_c_with_the_library_inside_prints_the_same() {
 #[test]
 fn a_consumer_in_cpp_prints_what_one_in_rust_gets() {
     check_compiled_consumer("consumers/cpp/examples/watch.cpp", Linked::Dynamically);
+}
+
+#[test]
+fn fewer_kinds_in_cpp_are_those_in_rust() {
+    let start = |robot: &Robot| {
+        let program_path = compiled(robot, "consumers/cpp/tests/levels.cpp", Linked::Dynamically)?;
+        Some(program(robot, &program_path, &[SENSOR, "130"]))
+    };
+    check_printed(start, levels);
+}
+
+#[test]
+fn fewer_kinds_in_python_are_those_in_rust() {
+    let start = |robot: &Robot| python(robot, "consumers/python/tests/levels.py", &[SENSOR, "130"], "numpy");
+    check_printed(start, levels);
 }
 
 #[test]

@@ -15,6 +15,7 @@ mod doctor;
 mod evaluate;
 mod faults;
 mod health;
+mod living;
 mod log;
 mod models;
 mod narrow;

@@ -46,7 +46,8 @@ fn check_report(robot: &Robot, n_frames: &str) {
     let train = ["train", FIRST, SECOND, "--output", MODEL, "--report", "new/report", "--frames", n_frames];
     let told = robot.succeed(&[&train[..], &SIZE].concat());
     assert_eq!(told.lines().last(), Some("wrote new/report/report.html"));
-    let figures = ["canonical-views", "embedding", "path", "residual-variance", "spectrum", "time"];
+    let figures =
+        ["canonical-views", "embedding", "kinds-merged", "path", "residual-variance", "spectrum", "time"];
     let expected = figures.iter().flat_map(|name| [format!("{name}.csv"), format!("{name}.svg")]);
     let mut expected: Vec<String> = expected.chain(["report.html".to_string()]).collect();
     expected.sort();

@@ -40,6 +40,7 @@ fn check_line(sequence: usize, line: &str) {
             "kind",
             "latency_ns",
             "log_likelihood",
+            "numbers",
             "probabilities",
             "sequence",
             "status"

@@ -157,7 +157,7 @@ const USUAL_KINDS_MIN: usize = 4;
 const N_COMPONENTS_MAX: usize = 1000;
 
 /// Landmarks that keep a trip of an hour within seconds: the eigenvalues' cost grows with their cube.
-const USUAL_LANDMARKS: LandmarkNumber = LandmarkNumber::Count(1000);
+pub(crate) const N_LANDMARKS_USUAL: usize = 1000;
 
 impl Config {
     /// Reads a configuration.
@@ -330,7 +330,7 @@ impl Config {
             },
             n_neighbors: self.neighbors,
             consecutive_edges: self.consecutive_edges.unwrap_or(false),
-            n_landmarks: self.landmarks.unwrap_or(USUAL_LANDMARKS).of(n_frames),
+            n_landmarks: self.landmarks.unwrap_or(LandmarkNumber::Count(N_LANDMARKS_USUAL)).of(n_frames),
             landmark_choice: self.landmark_choice.unwrap_or_default(),
             n_dims: self.dims,
             n_kinds: self.kinds,

@@ -5,13 +5,14 @@
 
 use std::sync::Arc;
 
-use kinds_model::{Classifier, Method, Model, Status};
+use kinds_model::{Classification, Classifier, Method, Model, Status};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::drift::{Counted, Drift};
 use crate::load::{LoadedTrip, of_model};
 use crate::meeting::{MeetingError, Meetings, Pair, Placed};
 use crate::places::SamePlace;
@@ -105,6 +106,8 @@ pub struct ClassifiedTrip {
     pub track: Track,
     /// The most probable kind, shape `(n_frames,)`.
     pub kinds: Vec<usize>,
+    /// How far it is from the trips that the model was learnt from; none where no frame was classified.
+    pub drift: Option<Drift>,
 }
 
 impl ClassifiedTrip {
@@ -191,8 +194,10 @@ pub fn evaluate(
     assert_eq!(meetings.layout, rivals.isomap.layout(), "trips and models are of one sensor");
     let own = place_of(rivals.own);
     let models = rivals.models();
+    let found = classify(&models, &meetings.trips, progress);
     // Shape (n_methods, n_trips), each the kinds of a trip's frames.
-    let kinds = classify(&models, &meetings.trips, progress);
+    let kinds: Vec<Vec<&[usize]>> =
+        found.iter().map(|trips| trips.iter().map(|trip| &trip.kinds[..]).collect()).collect();
     let random = random_kinds(&meetings.trips, rivals.isomap.mixture().n_kinds(), plan.seed);
     let (grid, same_place) = (plan.grid(), meetings.same_place);
     let n_frames =
@@ -207,7 +212,7 @@ pub fn evaluate(
             let of_models = models.iter().zip(&kinds).map(|(model, kinds)| MethodKinds {
                 n_dims: model.manifest().n_dims,
                 n_kinds: model.mixture().n_kinds(),
-                kinds: [placed[0].of_placed(&kinds[first]), placed[1].of_placed(&kinds[second])],
+                kinds: [placed[0].of_placed(kinds[first]), placed[1].of_placed(kinds[second])],
             });
             let at_random = MethodKinds {
                 n_dims: 0,
@@ -227,7 +232,7 @@ pub fn evaluate(
             comparison.score(&of_models.chain([at_random]).collect::<Vec<_>>(), own, &tell)
         };
         let placed = pair.trips.map(|trip| &meetings.trips[trip]);
-        let own_kinds = [0, 1].map(|which| placed[which].of_placed(&kinds[own][pair.trips[which]]));
+        let own_kinds = [0, 1].map(|which| placed[which].of_placed(kinds[own][pair.trips[which]]));
         PairScores {
             space: placed[0].space,
             trips: placed.map(|placed| placed.trip.survey.title()),
@@ -249,7 +254,7 @@ pub fn evaluate(
         method: NAMES[own],
         grid,
         not_compared: meetings.unmet().iter().map(ToString::to_string).collect(),
-        trips: classified(&meetings.trips, &kinds[own]),
+        trips: classified(&meetings.trips, &found[own], models[own]),
         pairs,
     })
 }
@@ -266,14 +271,14 @@ pub fn evaluate_single(
 ) -> Evaluation {
     assert_eq!(meetings.layout, model.layout(), "trips and model are of one sensor");
     assert!(meetings.is_empty(), "pairs of trips are to be compared");
-    let kinds = classify(&[model], &meetings.trips, progress);
+    let found = classify(&[model], &meetings.trips, progress);
     Evaluation {
         scores: None,
         method: NAMES[place_of(model.manifest().plan.method)],
         grid: plan.grid(),
         pairs: Vec::new(),
         not_compared: Vec::new(),
-        trips: classified(&meetings.trips, &kinds[0]),
+        trips: classified(&meetings.trips, &found[0], model),
     }
 }
 
@@ -288,44 +293,55 @@ fn place_of(method: Method) -> usize {
     }
 }
 
-fn classified(trips: &[Placed], kinds: &[Vec<usize>]) -> Vec<ClassifiedTrip> {
-    let of_trip = |(placed, kinds): (&Placed, &Vec<usize>)| ClassifiedTrip {
-        space: placed.space,
-        track: Track::of(&placed.trip.survey),
-        kinds: kinds.clone(),
-    };
-    trips.iter().zip(kinds).map(of_trip).collect()
+/// What a model found in a trip.
+struct Found {
+    /// The most probable kind of each frame given those before it.
+    kinds: Vec<usize>,
+    counted: Counted,
 }
 
-/// The most probable kind of every frame of every trip given those before it, by every model.
-fn classify(models: &[&Model], trips: &[Placed], progress: &mut Progress) -> Vec<Vec<Vec<usize>>> {
+fn classified(trips: &[Placed], found: &[Found], model: &Model) -> Vec<ClassifiedTrip> {
+    let of_trip = |(placed, found): (&Placed, &Found)| ClassifiedTrip {
+        space: placed.space,
+        track: Track::of(&placed.trip.survey),
+        kinds: found.kinds.clone(),
+        drift: found.counted.drift(model),
+    };
+    trips.iter().zip(found).map(of_trip).collect()
+}
+
+/// What every model finds in every trip.
+fn classify(models: &[&Model], trips: &[Placed], progress: &mut Progress) -> Vec<Vec<Found>> {
     let n_frames = models.len() * trips.iter().map(|placed| placed.trip.survey.n_frames()).sum::<usize>();
     let told = Told::new(Stage::Classifying, n_frames as u64, progress);
     let by = |model: &&Model| {
         let model = Arc::new((*model).clone());
-        trips.iter().map(|placed| kinds_of(&model, placed.trip, &told)).collect()
+        trips.iter().map(|placed| found_in(&model, placed.trip, &told)).collect()
     };
     models.iter().map(by).collect()
 }
 
-fn kinds_of(model: &Arc<Model>, trip: &LoadedTrip, told: &Told) -> Vec<usize> {
+fn found_in(model: &Arc<Model>, trip: &LoadedTrip, told: &Told) -> Found {
     let frames: Vec<_> = trip.frames().zip(&trip.survey.commands).collect();
     let of_chunk = |classifier: &mut Classifier, frames: &[(&[u16], &Option<kinds_trips::Command>)]| {
         told.add(frames.len() as u64);
-        let posterior = |(counts, command): &(&[u16], &Option<kinds_trips::Command>)| {
-            let classification = classifier.classify_commanded(counts, command.map(of_model));
-            (classification.status == Status::Classified).then(|| classification.probabilities.clone())
+        let answer = |(counts, command): &(&[u16], &Option<kinds_trips::Command>)| {
+            let Classification { status, probabilities, novelty, .. } =
+                classifier.classify_commanded(counts, command.map(of_model));
+            (*status, probabilities.clone(), *novelty)
         };
-        frames.iter().map(posterior).collect::<Vec<_>>()
+        frames.iter().map(answer).collect::<Vec<_>>()
     };
     let chunks = frames.par_chunks(N_FRAMES_AT_A_TIME);
-    let posteriors: Vec<Vec<_>> = chunks.map_init(|| Classifier::new(model.clone()), of_chunk).collect();
-    let mut filter = model.filter();
-    let kind = |posterior: Option<Vec<f64>>| {
-        filter.take(posterior.as_deref(), 0);
+    let answers: Vec<Vec<_>> = chunks.map_init(|| Classifier::new(model.clone()), of_chunk).collect();
+    let (mut filter, mut counted) = (model.filter(), Counted::default());
+    let kind = |(status, probabilities, novelty): (Status, Vec<f64>, f64)| {
+        counted.add(status, &probabilities, model.manifest().novelty.is_novel(novelty));
+        filter.take((status == Status::Classified).then_some(&probabilities[..]), 0);
         filter.kind()
     };
-    posteriors.into_iter().flatten().map(kind).collect()
+    let kinds = answers.into_iter().flatten().map(kind).collect();
+    Found { kinds, counted }
 }
 
 /// Random kinds of the frames whose place is known, for each trip; drawn anew for each space.

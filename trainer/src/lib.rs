@@ -9,6 +9,7 @@ mod bootstrap;
 mod config;
 mod consistency;
 mod counts_seen;
+mod drift;
 mod evaluate;
 mod landmark_number;
 mod load;
@@ -28,17 +29,20 @@ mod segmentation;
 mod sequence;
 mod surface;
 mod survey;
+mod surveyed_trips;
 mod topology;
 mod track;
 mod train;
 mod trip_frames;
 mod trip_kinds;
+mod update;
 mod uses;
 
 pub use agreement::adjusted_mutual_information;
 pub use config::{CommandsConfig, Config, ConfigError, MethodChoice};
 pub use consistency::{Consistency, Revisits, kappa};
 pub use counts_seen::CountsSeen;
+pub use drift::Drift;
 pub use evaluate::{
     ClassifiedTrip, EvaluateError, Evaluation, EvaluationPlan, PairScores, evaluate, evaluate_single,
 };
@@ -66,4 +70,5 @@ pub use topology::{Edge, Extent, MapPlan, MeanCommand, Region, TopologicalMap};
 pub use track::Track;
 pub use train::{PcaModels, TrainError, Trained, train};
 pub use trip_kinds::TripKinds;
+pub use update::{LearntFurther, learn_further};
 pub use uses::Uses;

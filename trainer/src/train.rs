@@ -3,19 +3,17 @@
 use std::path::PathBuf;
 
 use kinds_model::{
-    Command, CommandScale, Commands, FitError, Method, Model, Origin, SensorLayout, Size, StreamError,
-    fit_stream, refit,
+    Command, CommandScale, Commands, FitError, Method, Model, SensorLayout, Size, StreamError, fit_stream,
+    refit,
 };
 
 use crate::config::{Config, ConfigError, MethodChoice};
-use crate::counts_seen::CountsSeen;
-use crate::load::{LoadError, of_model};
+use crate::load::LoadError;
 use crate::progress::{Progress, fitting};
 use crate::remarks::{remark_on_islands, remarks_on_kinds};
 use crate::scale_choice;
-use crate::survey::survey;
+use crate::surveyed_trips::SurveyedTrips;
 use crate::track::Track;
-use crate::trip_frames::{Digest, TripFrames};
 
 /// A model, and what a person should know about how it came to be.
 #[derive(Debug)]
@@ -58,6 +56,18 @@ pub enum TrainError {
         /// The first trip's.
         expected: SensorLayout,
     },
+    /// A further trip of another sensor than the model's.
+    #[error(
+        "trip {path} has frames of {found}; those of the model are of {expected}; train one model for each sensor"
+    )]
+    OtherThanModel {
+        /// The trip that differs.
+        path: PathBuf,
+        /// Its frames.
+        found: SensorLayout,
+        /// The model's.
+        expected: SensorLayout,
+    },
     /// The configuration.
     #[error(transparent)]
     Config(#[from] ConfigError),
@@ -70,7 +80,7 @@ pub enum TrainError {
 }
 
 impl TrainError {
-    fn of_fitting(error: StreamError<LoadError>) -> Self {
+    pub(crate) fn of_fitting(error: StreamError<LoadError>) -> Self {
         match error {
             StreamError::Read(error) => Self::Load(error),
             StreamError::Fit(error) => Self::Fit(error),
@@ -87,37 +97,9 @@ impl TrainError {
 /// If a trip cannot be read, trips differ in sensor, or their frames make no model of this configuration.
 pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Result<Trained, TrainError> {
     config.check()?;
-    let selection = config.selection();
-    let mut remarks = Vec::new();
-    let (mut sensor, mut origin) = (None, Origin::default());
-    let (mut seen, mut commands, mut tracks) = (CountsSeen::default(), Vec::new(), Vec::new());
-    let mut frames = TripFrames::new(selection.clone());
-    for path in trips {
-        let mut digest = Digest::default();
-        let trip = survey(path, &selection, progress, |frame| {
-            seen.add(frame);
-            digest.add(frame);
-        })?;
-        frames.add(&trip, &digest);
-        let expected = *sensor.get_or_insert(trip.layout);
-        if trip.layout != expected {
-            return Err(TrainError::OtherSensor { path: path.clone(), found: trip.layout, expected });
-        }
-        if config.commands_weight().is_some() {
-            trip.require_commands()?;
-        }
-        let name = path.file_name().unwrap_or(path.as_os_str());
-        origin.trips.push(name.to_string_lossy().into_owned());
-        origin.n_frames.push(trip.n_frames());
-        origin.n_frames_invalid += trip.n_frames_invalid;
-        tracks.push(Track::of(&trip));
-        commands.extend(trip.commands.iter().map(|command| command.map(of_model)));
-        remarks.extend(trip.remarks);
-    }
-    let sensor = sensor.expect("at least one trip is asked for on every way in");
-    if origin.n_frames_invalid > 0 {
-        remarks.push(format!("{} frames without any valid reading were left out", origin.n_frames_invalid));
-    }
+    let need_commands = config.commands_weight().is_some();
+    let surveyed = SurveyedTrips::survey(trips, &config.selection(), None, need_commands, progress)?;
+    let SurveyedTrips { sensor, mut origin, seen, commands, tracks, mut frames, mut remarks } = surveyed;
     let mut plan = config.plan(sensor, &seen)?;
     if config.scale().is_none()
         && let Some((scale, tried)) = scale_choice::choose(&mut frames, &origin, &plan, progress)?
@@ -164,7 +146,7 @@ fn of_pca(remark: String) -> String {
 }
 
 /// That frames without a command, as before a trip's first, are of a robot that stands still.
-fn remark_on_uncommanded(commands: &[Option<Command>]) -> Option<String> {
+pub(crate) fn remark_on_uncommanded(commands: &[Option<Command>]) -> Option<String> {
     let n_uncommanded = commands.iter().filter(|command| command.is_none()).count();
     (n_uncommanded > 0).then(|| {
         let n_frames = commands.len();

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::drift::Drift;
 use crate::evaluate::ClassifiedTrip;
 use crate::policy::Policy;
 use crate::sequence::Sequence;
@@ -15,6 +16,8 @@ pub struct Uses {
     pub space: usize,
     /// Each trip's kinds as a sequence.
     pub sequences: Vec<Sequence>,
+    /// How far each trip is from those that the model was learnt from.
+    pub drift: Vec<Option<Drift>>,
     /// One map of all trips; none where no place is known.
     pub map: Option<TopologicalMap>,
     /// What the robot was told to do in each kind, over all trips.
@@ -34,11 +37,13 @@ impl Uses {
 
     fn of_space(trips: &[ClassifiedTrip], n_kinds: usize, map: &MapPlan, seed: u64) -> Self {
         let space = trips[0].space;
+        let drift = trips.iter().map(|trip| trip.drift.clone()).collect();
         let trips: Vec<TripKinds> = trips.iter().map(ClassifiedTrip::trip_kinds).collect();
         let has_places = trips.iter().any(|trip| trip.poses.iter().any(Option::is_some));
         Self {
             space,
             sequences: trips.iter().map(|trip| Sequence::of(trip, n_kinds)).collect(),
+            drift,
             map: has_places.then(|| TopologicalMap::of(&trips, map)),
             policy: Policy::of(&trips, n_kinds, seed),
         }

@@ -54,9 +54,10 @@ typedef struct kinds_report {
   uint32_t version;
   /// `CLASSIFIED`, or anything else for a frame that told nothing.
   uint32_t status;
-  /// The most probable kind of the frame by itself, counted from 0.
+  /// The most probable kind of the frame by itself: its index in `probabilities`, counted from 0. What people call it by is its
+  /// number.
   uint32_t kind;
-  /// The most probable kind given all frames of the run so far, counted from 0: changes less often than `kind`.
+  /// The most probable kind given all frames of the run so far, as its index: changes less often than `kind`.
   uint32_t filtered_kind;
   /// How many kinds the model has: the first so many probabilities are set.
   uint32_t n_kinds;
@@ -92,9 +93,14 @@ typedef struct kinds_report {
   double filtered[KINDS_MAX_KINDS];
   /// Place of the frame in the embedding.
   double coordinates[KINDS_MAX_DIMS];
+  /// Number of each kind: its own for ever, where its index may be another one's in the next model.
+  uint32_t numbers[KINDS_MAX_KINDS];
+  /// Which kinds are most alike: `n_kinds` − 1 pairs of indices, in the order in which they come together. The second of a pair,
+  /// and all that have joined it, join the first.
+  uint8_t merges[KINDS_MAX_KINDS][2];
 } kinds_report;
 /// Version of this layout. Readers refuse reports of any other.
-#define kinds_report_VERSION 2
+#define kinds_report_VERSION 3
 /// `status` of a frame that was classified.
 #define kinds_report_CLASSIFIED 0
 /// `status` of a frame that told nothing.
@@ -224,6 +230,20 @@ int32_t kinds_reports_next(struct kinds_reports *reports,
 /// # Safety
 /// `reports` is open.
 int32_t kinds_reports_release(struct kinds_reports *reports);
+
+/// The kinds of a report with those most alike taken together, until `n_kinds` are left: at least 1, and at most all.
+///
+/// Returns how many groups there are, in the order of their first kinds; `KINDS_ERROR` if there is no report. Each place may be
+/// NULL, or has room for `KINDS_MAX_KINDS`. `probabilities`: of each group, of the frame by itself, the sum of its kinds'.
+/// `filtered`: the same given all frames of the run so far. `groups`: which group each kind is of, by index.
+///
+/// # Safety
+/// `report` is NULL or a report, and places have room.
+int32_t kinds_report_at_level(const struct kinds_report *report,
+                              uint32_t n_kinds,
+                              double *probabilities,
+                              double *filtered,
+                              uint8_t *groups);
 
 /// Whether a service is there: 1, or 0. One that was killed is found out within seconds.
 ///

@@ -35,6 +35,6 @@ pub use publisher::{
     kinds_publisher_n_readers, kinds_publisher_open, kinds_publisher_send, kinds_publisher_update,
 };
 pub use reports::{
-    kinds_reports, kinds_reports_close, kinds_reports_is_served, kinds_reports_next, kinds_reports_open,
-    kinds_reports_release,
+    kinds_report_at_level, kinds_reports, kinds_reports_close, kinds_reports_is_served, kinds_reports_next,
+    kinds_reports_open, kinds_reports_release,
 };

@@ -91,6 +91,45 @@ pub unsafe extern "C" fn kinds_reports_release(reports: *mut kinds_reports) -> i
     })
 }
 
+/// The kinds of a report with those most alike taken together, until `n_kinds` are left: at least 1, and at most all.
+///
+/// Returns how many groups there are, in the order of their first kinds; `KINDS_ERROR` if there is no report. Each place may be
+/// NULL, or has room for `KINDS_MAX_KINDS`. `probabilities`: of each group, of the frame by itself, the sum of its kinds'.
+/// `filtered`: the same given all frames of the run so far. `groups`: which group each kind is of, by index.
+///
+/// # Safety
+/// `report` is NULL or a report, and places have room.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn kinds_report_at_level(
+    report: *const KindReport,
+    n_kinds: u32,
+    probabilities: *mut f64,
+    filtered: *mut f64,
+    groups: *mut u8,
+) -> i32 {
+    call(KINDS_ERROR, || {
+        // SAFETY: the caller says that it is a report or NULL.
+        let report = unsafe { report.as_ref() }.ok_or(CallError::Null { what: "the report" })?;
+        let level = report.at_level(n_kinds as usize);
+        // SAFETY: the caller says that each place is NULL or has room for as many as any model has.
+        unsafe {
+            write(level.probabilities(), probabilities);
+            write(level.filtered(), filtered);
+            write(level.groups(), groups);
+        }
+        Ok(level.probabilities().len() as i32)
+    })
+}
+
+/// # Safety
+/// `place` is NULL or has room for these.
+unsafe fn write<T: Copy>(numbers: &[T], place: *mut T) {
+    if !place.is_null() {
+        // SAFETY: there is room; what a report says was copied, so that a place within the report does not matter.
+        unsafe { place.copy_from(numbers.as_ptr(), numbers.len()) };
+    }
+}
+
 /// Whether a service is there: 1, or 0. One that was killed is found out within seconds.
 ///
 /// # Safety

@@ -155,6 +155,25 @@ fn a_report_is_read_in_place_by_event_and_by_polling_until_the_next_is_asked_for
 }
 
 #[test]
+fn fewer_kinds_are_written_where_there_is_a_place_for_them() {
+    let mut report = report(0, 1);
+    report.set_kinds([0, 1, 5].into_iter(), [(0, 2), (0, 1)].into_iter());
+    report.set_probabilities(&[0.25, 0.5, 0.25], &[0.5, 0.125, 0.375]);
+    let (mut probabilities, mut filtered, mut groups) = ([-1.0; 64], [-1.0; 64], [9; 64]);
+    // SAFETY: places are NULL or have room.
+    unsafe {
+        let [p, f] = [probabilities.as_mut_ptr(), filtered.as_mut_ptr()];
+        assert_eq!(kinds_report_at_level(&report, 2, p, f, null_mut()), 2);
+        assert_eq!(kinds_report_at_level(&report, 9, null_mut(), null_mut(), groups.as_mut_ptr()), 3);
+        assert_eq!(kinds_report_at_level(&report, 0, null_mut(), null_mut(), null_mut()), 1);
+        assert_eq!(kinds_report_at_level(null(), 2, p, f, null_mut()), KINDS_ERROR);
+    }
+    assert_eq!(last_error(), "the report is NULL; give one");
+    assert_eq!((&probabilities[..3], &filtered[..3]), (&[0.5, 0.5, -1.0][..], &[0.875, 0.125, -1.0][..]));
+    assert_eq!(groups[..4], [0, 1, 2, 9]);
+}
+
+#[test]
 fn what_cannot_be_is_refused_in_words() {
     let domain = OwnDomain::make().unwrap();
     let folder = folder(&domain);

@@ -49,5 +49,7 @@ int main(void) {
     FIELD(kinds_report, probabilities)
     FIELD(kinds_report, filtered)
     FIELD(kinds_report, coordinates)
+    FIELD(kinds_report, numbers)
+    FIELD(kinds_report, merges)
     END(kinds_report)
 }

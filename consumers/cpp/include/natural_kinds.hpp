@@ -7,6 +7,7 @@
 #define NATURAL_KINDS_HPP
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -80,6 +81,29 @@ using Owned = std::unique_ptr<Handle, Close>;
 
 } // namespace detail
 
+/// The kinds of a report with those most alike taken together: groups, numbered from 0 in the order of their first kinds.
+class Level {
+public:
+    Level(const kinds_report* report, std::uint32_t n_kinds)
+        : n_kinds_{report->n_kinds}, n_groups_{static_cast<std::size_t>(detail::checked(kinds_report_at_level(
+              report, n_kinds, probabilities_.data(), filtered_.data(), groups_.data())))} {}
+
+    /// Probability of each group, of the frame by itself.
+    Numbers<const double> probabilities() const { return {probabilities_.data(), n_groups_}; }
+    /// Probability of each group given all frames of the run so far.
+    Numbers<const double> filtered() const { return {filtered_.data(), n_groups_}; }
+    /// Which group each kind is of, by index.
+    Numbers<const std::uint8_t> groups() const { return {groups_.data(), n_kinds_}; }
+
+private:
+    // Filled before they are counted: members are made in the order in which they stand here.
+    std::array<double, KINDS_MAX_KINDS> probabilities_{};
+    std::array<double, KINDS_MAX_KINDS> filtered_{};
+    std::array<std::uint8_t, KINDS_MAX_KINDS> groups_{};
+    std::size_t n_kinds_;
+    std::size_t n_groups_;
+};
+
 /// A report where the service wrote it: `report->sequence` and all other fields of kinds_report. Copy what is to be kept.
 class Report {
 public:
@@ -95,6 +119,10 @@ public:
     Numbers<const double> filtered() const { return {report_->filtered, report_->n_kinds}; }
     /// Place of the frame in the embedding.
     Numbers<const double> coordinates() const { return {report_->coordinates, report_->n_dims}; }
+    /// Number of each kind: its own for ever, while indices are those of one model.
+    Numbers<const std::uint32_t> numbers() const { return {report_->numbers, report_->n_kinds}; }
+    /// The kinds with those most alike taken together until so many are left; at least 1, and at most all.
+    Level at_level(std::uint32_t n_kinds) const { return {report_, n_kinds}; }
 
 private:
     const kinds_report* report_;

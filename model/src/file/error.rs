@@ -34,6 +34,12 @@ pub enum ModelFileError {
         /// Where and why.
         reason: String,
     },
+    /// The register cannot be read.
+    #[error("what the model's kinds are called cannot be read: {reason}")]
+    Register {
+        /// Where and why.
+        reason: String,
+    },
     /// Contents changed after they were written.
     #[error(
         "the model file is damaged: its contents have digest {found} and not {written}; copy it again or train anew"

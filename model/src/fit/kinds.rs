@@ -7,19 +7,28 @@ use crate::em::fit_mixture;
 use crate::evidence::{
     N_FITS, N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out, of_at_least, try_kinds,
 };
+use crate::hierarchy::{self, Merge};
 use crate::mixture::{Mixture, most_probable};
 use crate::model::{DirichletProvenance, DirichletTrial, Provenance};
 use crate::persistence;
 use crate::plan::{FitPlan, KindsBy};
 
-/// Fits the mixture, of as many kinds as the plan asks for or the evidence speaks for, and learns how persistent they are.
+/// The kinds, and what of them is learnt from the trained frames.
+pub(super) struct Kinds {
+    pub(super) mixture: Mixture,
+    pub(super) persistence: f64,
+    pub(super) merges: Vec<Merge>,
+}
+
+/// Fits the mixture, of as many kinds as the plan asks for or the evidence speaks for, and learns how persistent they are and
+/// which are most alike.
 pub(super) fn find_kinds(
     coordinates: &[f64],
     n_dims: usize,
     plan: &FitPlan,
     provenance: &mut Provenance,
     progress: &mut Progress,
-) -> Result<(Mixture, f64), FitError> {
+) -> Result<Kinds, FitError> {
     let n_trained = coordinates.len() / n_dims;
     let trips = provenance.origin.trips(n_trained);
     provenance.n_frames_effective = n_frames_effective(coordinates, n_dims, &trips);
@@ -32,7 +41,8 @@ pub(super) fn find_kinds(
     let posteriors = posteriors(&mixture, coordinates);
     provenance.largest_kind_share = largest_kind_share(&posteriors, mixture.n_kinds());
     let persistence = persistence::learn(&posteriors, mixture.weights(), &trips);
-    Ok((mixture, persistence))
+    let merges = hierarchy::learn(&posteriors, mixture.n_kinds());
+    Ok(Kinds { mixture, persistence, merges })
 }
 
 fn find_by_em(
@@ -98,7 +108,7 @@ fn find_by_dirichlet(
 }
 
 /// Of every frame, shape `(n_frames, n_kinds)`.
-fn posteriors(mixture: &Mixture, coordinates: &[f64]) -> Vec<f64> {
+pub(super) fn posteriors(mixture: &Mixture, coordinates: &[f64]) -> Vec<f64> {
     let n_kinds = mixture.n_kinds();
     let places = coordinates.chunks_exact(mixture.n_dims());
     let mut posteriors = vec![0.0; places.len() * n_kinds];

@@ -5,30 +5,34 @@ use kinds_model::ModelId;
 use serde_json::{Value, json};
 
 use crate::commands::top::observer::{Observer, Seen, Service};
+use crate::commands::top::table::name_now;
+use crate::kind_names::KindNames;
 
 /// All that is seen, on one line.
 pub(crate) fn line(observer: &Observer) -> String {
-    let sensors = observer.sensors.iter().map(|(sensor, seen)| sensor_json(sensor.as_str(), seen));
+    let sensors =
+        observer.sensors.iter().map(|(sensor, seen)| sensor_json(sensor.as_str(), seen, &observer.names));
     json!({ "sensors": sensors.collect::<Vec<_>>() }).to_string()
 }
 
-fn sensor_json(sensor: &str, seen: &Seen) -> Value {
+fn sensor_json(sensor: &str, seen: &Seen, names: &KindNames) -> Value {
     let program = |program: &Program| json!({ "name": program.name, "pid": program.pid });
     let programs: Vec<_> = seen.programs.iter().map(program).collect();
     let (health, age_s) = match seen.service() {
-        Service::Heard { said, age } => (Some(health_json(&said.health)), Some(age.as_secs_f64())),
+        Service::Heard { said, age } => (Some(health_json(&said.health, names)), Some(age.as_secs_f64())),
         _ => (None, None),
     };
     json!({ "sensor": sensor, "programs": programs, "health": health, "health_age_s": age_s })
 }
 
-fn health_json(health: &HealthReport) -> Value {
+fn health_json(health: &HealthReport, names: &KindNames) -> Value {
     json!({
         "uptime_s": health.uptime_ns as f64 / 1e9,
         "model": ModelId(health.model_id).to_string(),
         "rate_hz": health.rate_hz(),
         "has_shim": health.has_shim(),
         "kind": health.last_status().map(|_| health.last_kind),
+        "kind_name": name_now(health, names),
         "probability": health.last_status().map(|_| health.last_probability),
         "novelty": health.last_status().map(|_| health.last_novelty),
         "n_frames": health.n_frames,

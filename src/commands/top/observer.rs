@@ -9,6 +9,7 @@ use kinds_messages::{
 };
 
 use crate::failure::Failure;
+use crate::kind_names::KindNames;
 
 /// As which this program joins. Programs of this name look on, and are not counted as connected.
 const NAME: &str = "kinds-top";
@@ -22,6 +23,8 @@ pub(crate) const SILENCE: Duration = Duration::from_secs(3);
 /// Watches all sensors of a domain.
 pub(crate) struct Observer {
     pub(crate) domain: Domain,
+    /// Of kinds of models that may be in use.
+    pub(crate) names: KindNames,
     node: Node,
     pub(crate) sensors: BTreeMap<SensorName, Seen>,
 }
@@ -60,9 +63,9 @@ pub(crate) enum Service<'a> {
 }
 
 impl Observer {
-    pub(crate) fn join(domain: Domain) -> Result<Self, Failure> {
+    pub(crate) fn join(domain: Domain, names: KindNames) -> Result<Self, Failure> {
         let node = Node::open(&domain, NAME)?;
-        Ok(Self { domain, node, sensors: BTreeMap::new() })
+        Ok(Self { domain, names, node, sensors: BTreeMap::new() })
     }
 
     /// Looks who is there.
@@ -177,7 +180,7 @@ mod tests {
     fn a_service_is_heard_while_it_is_there_and_its_sensor_remembered_when_it_is_gone() {
         let domain = OwnDomain::make().unwrap();
         let sensor: SensorName = "crunch/ring".parse().unwrap();
-        let mut observer = Observer::join((*domain).clone()).unwrap();
+        let mut observer = Observer::join((*domain).clone(), KindNames::default()).unwrap();
         look(&mut observer);
         assert!(observer.sensors.is_empty());
 

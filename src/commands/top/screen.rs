@@ -15,6 +15,7 @@ use crate::commands::top::PERIOD;
 use crate::commands::top::observer::{Observer, Seen, Service};
 use crate::commands::top::table;
 use crate::failure::Failure;
+use crate::kind_names::KindNames;
 
 /// Longest time until a word of a service, or a signal, is seen to.
 const WAIT: Duration = Duration::from_millis(200);
@@ -114,7 +115,10 @@ fn draw(frame: &mut Frame, observer: &Observer, selected: Option<&SensorName>) {
     let highlight = if n_sensors > 1 { Style::new().reversed() } else { Style::new() };
     let mut state = ListState::default().with_selected(Some(place));
     frame.render_stateful_widget(List::new(rows).highlight_style(highlight), list, &mut state);
-    frame.render_widget(Paragraph::new(about(sensor, seen)).wrap(Wrap { trim: false }), details);
+    frame.render_widget(
+        Paragraph::new(about(sensor, seen, &observer.names)).wrap(Wrap { trim: false }),
+        details,
+    );
 }
 
 /// A row of the list, in yellow where somebody should see to something.
@@ -128,9 +132,10 @@ fn row(sensor: &SensorName, seen: &Seen, width: usize) -> Line<'static> {
 }
 
 /// All about one sensor.
-fn about(sensor: &SensorName, seen: &Seen) -> Vec<Line<'static>> {
+fn about(sensor: &SensorName, seen: &Seen, names: &KindNames) -> Vec<Line<'static>> {
     let mut lines = vec![Line::from(sensor.to_string()).bold()];
     lines.push(Line::from(table::connections(&seen.programs)));
+    lines.extend(table::named(seen, names).map(Line::from));
     lines.extend(table::remark(seen).map(|remark| Line::from(remark).yellow()));
     if let Service::Heard { said, .. } = seen.service() {
         lines.extend(table::details(said).into_iter().map(Line::from));
@@ -158,7 +163,7 @@ mod tests {
     #[test]
     fn the_sensor_that_is_chosen_is_shown_in_full_on_80_columns_and_24_rows() {
         let domain = OwnDomain::make().unwrap();
-        let mut observer = Observer::join((*domain).clone()).unwrap();
+        let mut observer = Observer::join((*domain).clone(), KindNames::default()).unwrap();
         observer.look().unwrap();
         let text = picture(&observer, None).join(" ");
         assert!(text.contains("no sensor in domain") && text.contains("start kinds publish or"), "{text}");

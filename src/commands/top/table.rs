@@ -6,6 +6,7 @@ use kinds_messages::{HealthReport, Latency, Program, ReportStatus, SensorName};
 use kinds_model::ModelId;
 
 use crate::commands::top::observer::{Observer, SILENCE, Said, Seen, Service};
+use crate::kind_names::KindNames;
 
 /// Least width of the names of sensors: the rows are 79 columns wide then.
 const NAME_WIDTH: usize = 17;
@@ -22,6 +23,7 @@ pub(crate) fn text(observer: &Observer) -> Vec<String> {
     let mut lines = vec![heading(width)];
     for (sensor, seen) in &observer.sensors {
         lines.push(row(sensor, seen, width));
+        lines.extend(named(seen, &observer.names).map(|named| format!("  {named}")));
         lines.extend(remark(seen).map(|remark| format!("  {remark}")));
         lines.push(format!("  {}", connections(&seen.programs)));
     }
@@ -79,6 +81,20 @@ fn kind_now(health: &HealthReport) -> String {
             let bar = "█".repeat(n_full) + &"·".repeat(BAR_WIDTH - n_full);
             format!("{:2} {bar} {:3.0} %", health.last_kind, 100.0 * share)
         }
+    }
+}
+
+/// What a person calls the kind of the last frame, if anything.
+pub(crate) fn named(seen: &Seen, names: &KindNames) -> Option<String> {
+    let Service::Heard { said: Said { health, .. }, .. } = seen.service() else { return None };
+    name_now(health, names).map(|name| format!("kind {} is {name}", health.last_kind))
+}
+
+/// The name of the kind of the last frame.
+pub(crate) fn name_now<'a>(health: &HealthReport, names: &'a KindNames) -> Option<&'a str> {
+    match health.last_status() {
+        Some(ReportStatus::Classified) => names.name(health.model_id, health.last_kind),
+        _ => None,
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Pure: data in, text out. A [`Page`] is one file of HTML without network or script; every [`Figure`] on it is drawn in
 //! SVG whose colours follow the page from light to dark, and comes with the numbers drawn. Functions of this module make
-//! the figures: of a model ([`neighbors_tried`], [`residual_variance`], [`spectrum`], [`kinds_tried`], [`embedding`], [`canonical_views`]), of
+//! the figures: of a model ([`neighbors_tried`], [`residual_variance`], [`spectrum`], [`kinds_tried`], [`kinds_merged`], [`embedding`], [`canonical_views`]), of
 //! trips whose frames have been classified ([`kinds_on_path`], [`kinds_along_time`]) and of an evaluation
 //! ([`consistency`], [`consistency_surfaces`], [`kinds_met`], [`registration_errors`]), and of what kinds are good for
 //! ([`transitions`], [`run_lengths`], [`topological_map`], [`commands`]). [`add_model`], [`add_methods`], [`add_trips`],
@@ -35,6 +35,7 @@ mod embedding;
 mod evaluation;
 mod figure;
 mod kind_style;
+mod kinds_merged;
 mod kinds_met;
 mod kinds_tried;
 mod markup;
@@ -61,6 +62,7 @@ pub use curves::{residual_variance, spectrum};
 pub use embedding::embedding;
 pub use evaluation::{add_classified_trips, add_evaluation};
 pub use figure::Figure;
+pub use kinds_merged::kinds_merged;
 pub use kinds_met::kinds_met;
 pub use kinds_tried::kinds_tried;
 pub(crate) use markup::escaped;

@@ -7,7 +7,7 @@ use kinds_model::{
 use super::canonical::responsibilities;
 use super::page::{Column, Page, Table};
 use super::{
-    canonical_views, embedding, kinds_along_time, kinds_on_path, kinds_tried, neighbors_tried,
+    canonical_views, embedding, kinds_along_time, kinds_merged, kinds_on_path, kinds_tried, neighbors_tried,
     residual_variance, spectrum,
 };
 use crate::scale_choice::kept_by_scale;
@@ -49,6 +49,7 @@ pub fn add_model(page: &mut Page, model: &Model, rival: Option<&Model>, remarks:
     page.section("The kinds");
     page.figure(embedding(model));
     page.figure(canonical_views(model));
+    kinds_merged(model).into_iter().for_each(|figure| page.figure(figure));
 }
 
 /// Adds how the neighbour graph came about, and what had to be added to make it one.

@@ -226,7 +226,8 @@ fn figures() -> Vec<Figure> {
         told(),
         names_and_kinds("segmentation", "Names & kinds", &named()),
     ];
-    plain.into_iter().chain(kinds_tried::tests::figure()).chain(neighbors_tried::tests::figure()).collect()
+    let plain = plain.into_iter().chain(kinds_merged(&ring));
+    plain.chain(kinds_tried::tests::figure()).chain(neighbors_tried::tests::figure()).collect()
 }
 
 fn page() -> Page {

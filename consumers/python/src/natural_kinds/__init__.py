@@ -10,7 +10,7 @@ what it opened; two at once get an error. Ctrl-C ends a wait as it ends everythi
 from ._library import Error, LibraryNotFound, __version__
 from .frames import Frame, FrameHeader, Frames, frames
 from .model import Model, load_model
-from .reports import Kinds, Report, watch
+from .reports import Kinds, Level, Report, watch
 
 __all__ = [
     "Error",
@@ -18,6 +18,7 @@ __all__ = [
     "FrameHeader",
     "Frames",
     "Kinds",
+    "Level",
     "LibraryNotFound",
     "Model",
     "Report",

@@ -67,6 +67,8 @@ class ReportFields(ctypes.Structure):
         ("probabilities", ctypes.c_double * MAX_KINDS),
         ("filtered", ctypes.c_double * MAX_KINDS),
         ("coordinates", ctypes.c_double * MAX_DIMS),
+        ("numbers", ctypes.c_uint32 * MAX_KINDS),
+        ("merges", (ctypes.c_uint8 * 2) * MAX_KINDS),
     ]
 
 

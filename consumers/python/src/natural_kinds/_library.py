@@ -68,6 +68,11 @@ def _declared(library: ctypes.CDLL, path: str) -> ctypes.CDLL:
         ("kinds_reports_next", ctypes.c_int32, [handle, number, ctypes.POINTER(ctypes.POINTER(ReportFields))]),
         ("kinds_reports_is_served", ctypes.c_int32, [handle]),
         ("kinds_reports_close", None, [handle]),
+        (
+            "kinds_report_at_level",
+            ctypes.c_int32,
+            [ctypes.POINTER(ReportFields), number] + [ctypes.c_void_p] * 3,
+        ),
         ("kinds_frames_open", handle, [text, text, number]),
         ("kinds_frames_next", ctypes.c_int32, [handle, number, ctypes.POINTER(FramePlace)]),
         ("kinds_frames_release", ctypes.c_int32, [handle, ctypes.POINTER(FramePlace)]),

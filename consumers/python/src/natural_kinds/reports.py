@@ -3,14 +3,25 @@
 import ctypes
 import os
 from types import TracebackType
-from typing import Iterator, Optional, Type, Union
+from typing import Iterator, NamedTuple, Optional, Type, Union
 
 import numpy as np
 
-from ._layout import ReportFields
+from ._layout import MAX_KINDS, ReportFields
 from ._library import LIBRARY, Handle, fail, wait
 
 _CLASSIFIED = 0
+
+
+class Level(NamedTuple):
+    """The kinds of a report with those most alike taken together: groups, numbered from 0 in the order of their first kinds."""
+
+    probabilities: "np.ndarray"
+    """Probability of each group, of the frame by itself, ``(n_groups,)``."""
+    filtered: "np.ndarray"
+    """Probability of each group given all frames of the run so far, ``(n_groups,)``."""
+    groups: "np.ndarray"
+    """Which group each kind is of, by index, ``(n_kinds,)``."""
 
 
 class Report(ReportFields):
@@ -53,6 +64,20 @@ class Report(ReportFields):
     def coordinates(self) -> "np.ndarray":
         """Place of the frame in the embedding, ``(n_dims,)``."""
         return self._numbers(ReportFields.coordinates.offset, self.n_dims)
+
+    @property
+    def numbers(self) -> "np.ndarray":
+        """Number of each kind, ``(n_kinds,)``: its own for ever, while indices are those of one model."""
+        return np.frombuffer(memoryview(self), np.uint32, self.n_kinds, ReportFields.numbers.offset)
+
+    def at_level(self, n_kinds: int) -> Level:
+        """The kinds with those most alike taken together until so many are left; at least 1, and at most all."""
+        level = Level(np.empty(MAX_KINDS), np.empty(MAX_KINDS), np.empty(MAX_KINDS, np.uint8))
+        places = [array.ctypes.data for array in level]
+        n_groups = LIBRARY.kinds_report_at_level(ctypes.byref(self), max(n_kinds, 1), *places)
+        if n_groups < 0:
+            raise fail()
+        return Level(level.probabilities[:n_groups], level.filtered[:n_groups], level.groups[: self.n_kinds])
 
     @property
     def model_id(self) -> str:

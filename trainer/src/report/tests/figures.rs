@@ -30,6 +30,23 @@ fn every_stretch_of_the_path_has_the_colour_and_the_width_of_its_kind() {
 }
 
 #[test]
+fn kinds_come_together_as_the_model_says() {
+    let ring = ring();
+    let figure = kinds_merged(&ring).unwrap();
+    let svg = figure.to_svg();
+    let document = parse(&svg);
+    let merges = &ring.manifest().merges;
+    assert_eq!(with_class(&document, "mark").len(), merges.len());
+    let rows: Vec<Vec<String>> = (merges.iter().enumerate())
+        .map(|(index, (into, from))| [merges.len() - index, *into, *from].map(|n| n.to_string()).to_vec())
+        .collect();
+    assert_eq!(lines(figure.csv()), rows);
+    for kind in 0..ring.mixture().n_kinds() {
+        assert!(texts(&svg).contains(&format!("kind {kind}")), "{kind}");
+    }
+}
+
+#[test]
 fn a_metre_is_as_long_across_as_up_whatever_the_trip() {
     for (x_m, y_m) in [(40.0, 3.0), (3.0, 40.0), (5.0, 5.0), (0.0, 0.0)] {
         let corners = [at(0.0, 0.0), at(x_m, 0.0), at(x_m, y_m)];

@@ -216,7 +216,7 @@ fn what_kinds_are_good_for_is_said_in_words_where_there_is_nothing_to_draw() {
         poses: nowhere.poses.to_vec(),
         commands: nowhere.commands.to_vec(),
     };
-    let trips = [ClassifiedTrip { space: 0, track, kinds: nowhere.kinds.to_vec() }];
+    let trips = [ClassifiedTrip { space: 0, track, kinds: nowhere.kinds.to_vec(), drift: None }];
     let uses = Uses::of(&trips, 2, &MapPlan { size_m_min: 1.0, radius_m: 0.3 }, 0);
     let mut page = Page::new("Kinds");
     add_uses(&mut page, 2, &trips, &uses);
