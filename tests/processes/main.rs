@@ -36,6 +36,7 @@ mod soak;
 mod train;
 mod train_report;
 mod trips;
+mod tutorial;
 mod watch;
 mod way;
 mod witness;
