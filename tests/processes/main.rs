@@ -5,6 +5,8 @@
 
 mod asked_wrongly;
 mod bad_trips;
+#[cfg(feature = "bridge")]
+mod bridge;
 mod check;
 mod commands;
 mod consumer;
@@ -18,6 +20,8 @@ mod health;
 mod log;
 mod models;
 mod narrow;
+#[cfg(feature = "bridge")]
+mod network;
 mod notify;
 mod novelty;
 mod ordeal;
