@@ -68,6 +68,8 @@ macro_rules! could_not {
 }
 
 could_not!(ChannelError, MeetingError, ModelFailure, RivalError, ShimError, TripWriteError);
+#[cfg(feature = "bridge")]
+could_not!(kinds_bridge::BridgeError);
 
 impl From<TripError> for Failure {
     fn from(error: TripError) -> Self {

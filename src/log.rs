@@ -7,6 +7,7 @@ use std::sync::OnceLock;
 
 use clap::ValueEnum;
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::LevelFilter;
 
 use crate::failure::Failure;
 
@@ -27,7 +28,11 @@ static FORMAT: OnceLock<Format> = OnceLock::new();
 /// * `usual` — the least level that is written, unless the environment variable `KINDS_LOG` says which (as in
 ///   `KINDS_LOG=debug`)
 pub(crate) fn start(format: Format, usual: &str) {
-    let filter = EnvFilter::try_from_env("KINDS_LOG").unwrap_or_else(|_| EnvFilter::new(usual));
+    let mut filter = EnvFilter::try_from_env("KINDS_LOG").unwrap_or_else(|_| EnvFilter::new(usual));
+    if filter.max_level_hint() < Some(LevelFilter::DEBUG) {
+        // The network's library warns of its own affairs in its own words, which belong in nobody's terminal.
+        filter = filter.add_directive("zenoh=off".parse().expect("a directive as it should be"));
+    }
     let log =
         tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false);
     match FORMAT.get_or_init(|| format) {

@@ -61,6 +61,8 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Watch(arguments) => commands::watch::run(&arguments),
         Verb::Top(arguments) => commands::top::run(&arguments),
         Verb::Record(arguments) => commands::record::run(&arguments),
+        #[cfg(feature = "bridge")]
+        Verb::Bridge(arguments) => commands::bridge::run(&arguments),
         Verb::Replay(arguments) => commands::replay::run(&arguments),
         Verb::Doctor(arguments) => commands::doctor::run(&arguments),
         Verb::Trips(arguments) => commands::trips::run(&arguments),

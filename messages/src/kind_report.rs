@@ -1,5 +1,6 @@
 //! What the service says about one frame: layout version 3, the same for every language.
 
+use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::level::Level;
@@ -40,7 +41,7 @@ impl ReportStatus {
 // Fixed size, no pointers, no padding; offsets are asserted below, and stand in `consumers/layout.csv` for all languages. Words
 // here are the C header's too. In Rust probabilities and coordinates are read through methods, which trust no length that a
 // faulty writer might have left; C is not given such a report (`is_sound`).
-#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[repr(C)]
 #[type_name("natural_kinds::KindReport")]
 pub struct KindReport {
@@ -141,6 +142,15 @@ impl KindReport {
             && (self.filtered_kind as usize) < MAX_KINDS
             && self.n_kinds as usize <= MAX_KINDS
             && self.n_dims as usize <= MAX_DIMS
+    }
+
+    /// Reports between the last one that came and this one that never came, without frames that never reached the service; none
+    /// between two runs.
+    pub fn n_missed_since(&self, last: &Self) -> u64 {
+        match self.run == last.run {
+            true => self.sequence.saturating_sub(last.sequence).saturating_sub(1).saturating_sub(self.n_lost),
+            false => 0,
+        }
     }
 
     /// Probability of each kind, of the frame by itself, `(n_kinds,)`.
@@ -304,6 +314,15 @@ mod tests {
         assert!(KindReport { n_kinds: 64, n_dims: 32, kind: 63, ..KindReport::default() }.is_sound());
         assert!(!KindReport { kind: 64, ..KindReport::default() }.is_sound());
         assert!(!KindReport { filtered_kind: 64, ..KindReport::default() }.is_sound());
+    }
+
+    #[test]
+    fn reports_are_missed_only_where_neither_run_nor_lost_frames_explain_the_gap() {
+        let report = |run, sequence, n_lost| KindReport { run, sequence, n_lost, ..KindReport::default() };
+        assert_eq!(report(1, 5, 0).n_missed_since(&report(1, 4, 0)), 0);
+        assert_eq!(report(1, 9, 1).n_missed_since(&report(1, 4, 0)), 3);
+        assert_eq!(report(1, 9, 4).n_missed_since(&report(1, 4, 0)), 0);
+        assert_eq!(report(2, 7, 0).n_missed_since(&report(1, 400, 0)), 0);
     }
 
     #[test]

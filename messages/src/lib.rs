@@ -56,6 +56,7 @@ mod node;
 mod own_domain;
 mod reload_messages;
 mod reloads;
+mod report_bytes;
 mod reports;
 #[cfg(test)]
 mod testing;
@@ -85,5 +86,6 @@ pub use node::Node;
 pub use own_domain::OwnDomain;
 pub use reload_messages::{ReloadAnswer, ReloadRequest};
 pub use reloads::{ReloadAsker, ReloadDesk};
+pub use report_bytes::ForeignReport;
 pub use reports::{HeldReport, ReportPublisher, ReportReader, ServiceId};
 pub use user::user_name;

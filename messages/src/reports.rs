@@ -76,6 +76,14 @@ impl ReportPublisher {
     /// Allocates nothing before the report is sent. Then the transport takes 48 bytes for the loan of the next one, as many
     /// as it has freed.
     pub fn send(&self, report: &KindReport) -> Result<u64, ChannelError> {
+        let mut sent = *report;
+        sent.reported_monotonic_ns = monotonic_ns();
+        self.pass_on(&sent)?;
+        Ok(sent.reported_monotonic_ns)
+    }
+
+    /// The same for a report that another service sent elsewhere: its times stay as they are.
+    pub fn pass_on(&self, report: &KindReport) -> Result<(), ChannelError> {
         // None where lending failed the last time.
         let slot = match self.next.take() {
             Some(slot) => slot,
@@ -84,14 +92,12 @@ impl ReportPublisher {
                 .loan_uninit()
                 .map_err(|error| ChannelError::transport("lend a report of", &self.channel, error))?,
         };
-        let mut sent = *report;
-        sent.reported_monotonic_ns = monotonic_ns();
-        slot.write_payload(sent)
+        slot.write_payload(*report)
             .send()
             .map_err(|error| ChannelError::transport("send a report on", &self.channel, error))?;
         let notified = notify(&self.notifier, &self.channel);
         self.next.replace(self.publisher.loan_uninit().ok());
-        notified.map(|()| sent.reported_monotonic_ns)
+        notified
     }
 
     /// Gives readers that came since the last report that report, and wakes them. Call it once per tick, for when none

@@ -23,6 +23,9 @@ pub(crate) enum Sort {
     Publish,
     /// kinds record --config
     Record,
+    /// kinds bridge --config
+    #[cfg(feature = "bridge")]
+    Bridge,
     /// kinds train --config
     Train,
     /// kinds publish --faults
@@ -38,6 +41,8 @@ impl Sort {
             Self::Serve => "Serve",
             Self::Publish => "Publish",
             Self::Record => "Record",
+            #[cfg(feature = "bridge")]
+            Self::Bridge => "Bridge",
             Self::Train => "Train",
             Self::Faults => "Faults",
             Self::Realtime => "Realtime",

@@ -1,5 +1,7 @@
 //! What can be asked of the program.
 
+#[cfg(feature = "bridge")]
+mod bridge;
 mod check;
 mod evaluate;
 mod publish;
@@ -18,6 +20,8 @@ use kinds_trips::Selection;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
+#[cfg(feature = "bridge")]
+pub(crate) use self::bridge::{BridgeArguments, BridgeConfig, BridgePlan, End};
 pub(crate) use self::check::{CheckArguments, Sort};
 pub(crate) use self::evaluate::EvaluateArguments;
 pub(crate) use self::publish::{PublishArguments, PublishConfig, PublishPlan, RobotName, SourcePlan};
@@ -105,6 +109,9 @@ pub(crate) enum Verb {
     Top(TopArguments),
     /// Record a sensor's frames, poses, commands and kinds into a trip
     Record(RecordArguments),
+    /// Bring a sensor's kinds to another machine: one end runs there, one on the robot
+    #[cfg(feature = "bridge")]
+    Bridge(BridgeArguments),
     /// Push a trip through shim, shared memory and service in lockstep, and say whether anything has changed
     Replay(ReplayArguments),
     /// Say why nothing arrives: who is there, whether they agree, and what to do about it

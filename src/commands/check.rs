@@ -7,6 +7,8 @@ use clap::ValueEnum;
 use kinds_driver_shim::Faults;
 use kinds_trainer::Config;
 
+#[cfg(feature = "bridge")]
+use crate::cli::BridgeConfig;
 use crate::cli::{CheckArguments, PublishConfig, RecordConfig, ServeConfig, Sort};
 use crate::failure::Failure;
 use crate::realtime::Realtime;
@@ -46,6 +48,8 @@ fn check(path: &Path, sort: Option<Sort>) -> Result<Sort, Failure> {
         Sort::Serve => ron_file::parse::<ServeConfig>(&text).and_then(|config| said(config.plan())),
         Sort::Publish => ron_file::parse::<PublishConfig>(&text).and_then(|config| said(config.plan())),
         Sort::Record => ron_file::parse::<RecordConfig>(&text).and_then(|config| said(config.plan())),
+        #[cfg(feature = "bridge")]
+        Sort::Bridge => ron_file::parse::<BridgeConfig>(&text).and_then(|config| said(config.plan())),
         Sort::Train => ron_file::parse::<Config>(&text).and_then(|config| said(config.check())),
         Sort::Faults => ron_file::parse::<Faults>(&text).and_then(|faults| said(faults.check())),
         Sort::Realtime => ron_file::parse::<Realtime>(&text).map(drop),

@@ -1,5 +1,7 @@
 //! One module for each verb.
 
+#[cfg(feature = "bridge")]
+pub(crate) mod bridge;
 pub(crate) mod check;
 pub(crate) mod demo;
 pub(crate) mod doctor;

@@ -8,10 +8,11 @@ use crate::robot::{MODEL, Robot, SENSOR};
 const DEPLOY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/deploy");
 
 /// The configurations that come with the package: path, and the groups of fields in it, with how to ask for them.
-const CONFIGURATIONS: [(&str, &[&str]); 6] = [
+const CONFIGURATIONS: [(&str, &[&str]); 7] = [
     ("etc/serve.ron", &["", "realtime: ("]),
     ("etc/publish.ron", &["", "faults: (", "reading: ("]),
     ("etc/record.ron", &[""]),
+    ("etc/bridge.ron", &[""]),
     ("examples/train.ron", &["", "commands: (", "whitening: ("]),
     ("examples/faults.ron", &[""]),
     ("examples/realtime.ron", &[""]),
@@ -55,9 +56,13 @@ fn with_each_field(text: &str) -> Vec<String> {
     texts
 }
 
-/// The text, but with a device alone where it has one of a device's fields: there is one of these two.
-fn instead_of_the_simulation(text: &str) -> String {
+/// The text, but with a device alone where it has one of a device's fields, and with one end of a bridge alone: there is one of
+/// two.
+fn with_one_of_two(text: &str) -> String {
     let has = |field: &str| text.lines().any(|line| line.trim_start().starts_with(field));
+    if has("connect: ") {
+        return text.replace("listen: \"tcp/0.0.0.0:7447\",", "");
+    }
     if !["device: ", "rows: ", "columns: "].iter().any(|field| has(field)) {
         return text.to_string();
     }
@@ -72,7 +77,7 @@ fn every_configuration_that_is_shipped_is_right_with_each_of_its_fields() {
     for (path, _) in CONFIGURATIONS {
         let texts = with_each_field(&shipped(path));
         for text in &texts {
-            robot.write("shipped.ron", instead_of_the_simulation(text));
+            robot.write("shipped.ron", with_one_of_two(text));
             let said = robot.succeed(&["check", "shipped.ron"]);
             assert!(said.starts_with("shipped.ron is right, for kinds "), "{path}: {said}");
         }
@@ -154,7 +159,7 @@ fn what_is_wrong_is_said_with_file_line_column_and_what_was_perhaps_meant() {
         ),
         (
             "Serv()",
-            "it begins with Serv of Serve, Publish, Record, Train, Faults, Realtime, so nobody knows what it is for; write one \
+            "it begins with Serv of Serve, Publish, Record, Bridge, Train, Faults, Realtime, so nobody knows what it is for; write one \
              before its first bracket, or say it with --as",
         ),
         ("Serve(", "line 1, column 6: Unexpected end of RON"),

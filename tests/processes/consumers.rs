@@ -194,6 +194,44 @@ fn a_consumer_with_the_transports_own_python_package_prints_the_same() {
     });
 }
 
+#[test]
+fn time_in_each_kind_is_that_of_the_reports() {
+    let robot = Robot::trained();
+    let service = robot.serve();
+    let script = "examples/time_in_kinds.py";
+    let Some(mut command) = python(&robot, script, &[SENSOR, "130"], "numpy") else { return };
+    let consumer = robot.join();
+    let counting = Running::start(&mut command);
+    await_reader(&robot, &counting, Purpose::Kinds);
+    let reports = consumer.await_end_of(&mut robot.publish(SECOND, "max"));
+    let n_kinds = reports[0].filtered().len();
+    let (mut seconds, mut visits) = (vec![0.0; n_kinds], vec![0; n_kinds]);
+    let mut changes = vec![vec![0; n_kinds]; n_kinds];
+    let kind = |report: &KindReport| report.filtered_kind as usize;
+    visits[kind(&reports[0])] += 1;
+    for pair in reports.windows(2) {
+        let [from, to] = [kind(&pair[0]), kind(&pair[1])];
+        seconds[from] += (pair[1].captured_ns - pair[0].captured_ns) as f64 * 1e-9;
+        visits[to] += usize::from(from != to);
+        changes[from][to] += usize::from(from != to);
+    }
+    let outcome = counting.end();
+    assert_eq!((outcome.code, outcome.stderr.as_str()), (Some(0), ""));
+    let rows: Vec<Vec<f64>> = outcome
+        .stdout
+        .lines()
+        .skip(1)
+        .map(|row| row.split_whitespace().map(|number| number.parse().unwrap()).collect())
+        .collect();
+    assert_eq!(rows.len(), n_kinds);
+    for (kind, row) in rows.iter().enumerate() {
+        assert!((row[1] - seconds[kind]).abs() < 0.051, "{row:?}: {} s", seconds[kind]);
+        let expected: Vec<f64> = [visits[kind]].iter().chain(&changes[kind]).map(|n| *n as f64).collect();
+        assert_eq!((row[0], &row[2..]), (kind as f64, &expected[..]));
+    }
+    service.stop(Signal::TERM);
+}
+
 /// A driver's frames, from its standard input, are classified as those of our own shim.
 fn check_driver(source: &str) {
     let robot = Robot::trained();

@@ -5,6 +5,8 @@
 
 mod asked_wrongly;
 mod bad_trips;
+#[cfg(feature = "bridge")]
+mod bridge;
 mod check;
 mod commands;
 mod consumer;
@@ -19,6 +21,8 @@ mod living;
 mod log;
 mod models;
 mod narrow;
+#[cfg(feature = "bridge")]
+mod network;
 mod notify;
 mod novelty;
 mod ordeal;
@@ -37,6 +41,7 @@ mod soak;
 mod train;
 mod train_report;
 mod trips;
+mod tutorial;
 mod watch;
 mod way;
 mod witness;

@@ -57,6 +57,17 @@ impl Running {
         })
     }
 
+    /// Waits for a line on standard output of which something holds, and returns it.
+    ///
+    /// * `n_before` — lines before it, that are passed over
+    /// * `what` — in words, for who reads why the test failed
+    #[track_caller]
+    pub(crate) fn await_line(&self, n_before: usize, what: &str, holds: impl Fn(&str) -> bool) -> String {
+        self.out.as_ref().unwrap().wait_until(n_before, holds).unwrap_or_else(|lines| {
+            panic!("kinds {}: no {what:?} in {lines:?}; {:?}", self.arguments, self.err())
+        })
+    }
+
     /// Waits for a line on standard error that begins so, and returns it.
     pub(crate) fn await_err(&self, beginning: &str) -> String {
         self.err
@@ -187,10 +198,13 @@ impl Lines {
 
     /// The first line that begins so, or all lines if there is none until the end or the deadline.
     fn wait_for(&self, beginning: &str) -> Result<String, Vec<String>> {
+        self.wait_until(0, |line| line.trim_start().starts_with(beginning))
+    }
+
+    /// The first line after so many of which something holds, or all lines if there is none until the end or the deadline.
+    fn wait_until(&self, n_before: usize, holds: impl Fn(&str) -> bool) -> Result<String, Vec<String>> {
         let (written, news) = &*self.shared;
-        let found = |written: &Written| {
-            written.lines.iter().find(|line| line.trim_start().starts_with(beginning)).cloned()
-        };
+        let found = |written: &Written| written.lines.iter().skip(n_before).find(|line| holds(line)).cloned();
         let (written, _) = news
             .wait_timeout_while(written.lock().unwrap(), DEADLINE, |written| {
                 found(written).is_none() && !written.ended
