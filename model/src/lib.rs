@@ -59,6 +59,7 @@ mod lengths;
 mod locate;
 mod matching;
 pub mod mds;
+mod median;
 pub mod metric;
 pub mod mixture;
 mod model;
@@ -91,6 +92,7 @@ pub use file::ModelFileError;
 pub use fit::{FitError, KindChange, Size, Step, Updated, fit, fit_stream, fit_with_commands, refit, update};
 pub use frames::{Frames, SensorLayout};
 pub use intrinsic_dims::IntrinsicDims;
+pub use median::{MedianFilter, MedianPlan};
 pub use metric::{MetricError, MetricPlan};
 pub use model::{
     DirichletProvenance, DirichletTrial, KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX,

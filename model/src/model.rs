@@ -13,6 +13,7 @@ use crate::geodesics::Geodesics;
 use crate::hierarchy::{self, Merge};
 use crate::intrinsic_dims::IntrinsicDims;
 use crate::mds::Embedding;
+use crate::median::MedianFilter;
 use crate::metric::AnyMetric;
 use crate::mixture::Mixture;
 use crate::novelty::{Novelty, Usual};
@@ -382,6 +383,11 @@ impl Model {
     /// * `n_groups` — fewer than 1 are taken for 1, and more than there are kinds for as many
     pub fn merged(&self, n_groups: usize) -> Vec<usize> {
         hierarchy::groups(self.manifest.n_kinds, &self.manifest.merges, n_groups)
+    }
+
+    /// What frames pass in their order before they are classified; none where they are classified as they are.
+    pub fn median(&self) -> Option<MedianFilter> {
+        MedianFilter::new(self.manifest.plan.median, self.layout().n_readings())
     }
 
     /// Takes frames in their order into account, beginning with none.

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::em::EmPlan;
 use crate::frames::SensorLayout;
+use crate::median::MedianPlan;
 use crate::metric::MetricPlan;
 use crate::response::ResponsePlan;
 use crate::whitening::WhiteningPlan;
@@ -63,6 +64,10 @@ pub struct FitPlan {
     pub sensor: SensorLayout,
     /// The scale on which frames are compared.
     pub response: ResponsePlan,
+    /// Of how many frames each reading is the median. Whoever fits and whoever classifies has frames pass it first: see
+    /// [`MedianFilter`](crate::MedianFilter).
+    #[serde(default)]
+    pub median: MedianPlan,
     /// Slow directions of readings that frames are compared by. None: by the readings themselves.
     #[serde(default)]
     pub whitening: Option<WhiteningPlan>,
@@ -105,6 +110,7 @@ impl FitPlan {
         Self {
             sensor,
             response,
+            median: MedianPlan::Off,
             whitening: None,
             metric: MetricPlan::Euclidean,
             n_frames_max: usize::MAX,

@@ -1,7 +1,7 @@
 //! What the service asks of a model.
 
 use kinds_messages::KindReport;
-use kinds_model::{Classification, Classifier, Command, Filter, ModelId, SensorLayout};
+use kinds_model::{Classification, Classifier, Command, Filter, MedianFilter, ModelId, SensorLayout};
 
 /// Turns frames into kind probabilities: [`Classifier`] on a robot, a stand-in in tests.
 pub trait Classify {
@@ -19,6 +19,9 @@ pub trait Classify {
 
     /// Whether a frame of such a novelty is called unlike what the model has seen.
     fn is_novel(&self, novelty: f64) -> bool;
+
+    /// What frames pass in their order before they are classified, if anything.
+    fn median(&self) -> Option<MedianFilter>;
 
     /// Takes kinds of frames in their order into account, beginning with none.
     fn filter(&self) -> Filter;
@@ -51,6 +54,10 @@ impl Classify for Classifier {
 
     fn is_novel(&self, novelty: f64) -> bool {
         self.model().manifest().novelty.is_novel(novelty)
+    }
+
+    fn median(&self) -> Option<MedianFilter> {
+        self.model().median()
     }
 
     fn filter(&self) -> Filter {

@@ -9,7 +9,10 @@ use kinds_messages::{
     ChannelError, FRAME_BUFFER, Frame, FrameHeader, FrameReader, HealthPublisher, HealthReport, KindReport,
     MAX_DIMS, MAX_KINDS, Node, ReloadDesk, ReportPublisher, SensorName, Waiting, monotonic_ns,
 };
-use kinds_model::{Classification, Command, Filter, N_DIMS_MAX, N_KINDS_MAX, SensorLayout, Status};
+use kinds_model::response::INVALID;
+use kinds_model::{
+    Classification, Command, Filter, MedianFilter, N_DIMS_MAX, N_KINDS_MAX, SensorLayout, Status,
+};
 
 use crate::Classify;
 use crate::conditions::Conditions;
@@ -44,7 +47,8 @@ pub struct Service<C> {
     reports: ReportPublisher,
     health_reports: HealthPublisher,
     classifier: C,
-    /// Of the run that the last report is on.
+    /// What frames pass before they are classified. Of the run that the last report is on, like the filter.
+    median: Option<MedianFilter>,
     filter: Filter,
     layout: SensorLayout,
     waiting: Waiting,
@@ -113,6 +117,7 @@ impl<C: Classify> Service<C> {
             reports,
             health_reports,
             layout: classifier.layout(),
+            median: classifier.median(),
             filter: classifier.filter(),
             classifier,
             waiting,
@@ -229,7 +234,11 @@ impl<C: Classify> Service<C> {
         self.summary.n_lost = self.summary.n_lost.saturating_add(n_lost);
         let command = command_of(&header);
         let is_uncommanded = command.is_none() && self.classifier.compares_commands();
-        let classification = self.classifier.classify(frame.counts(), command);
+        if self.report.run != header.run {
+            self.begin_run(header.run);
+        }
+        let counts = passed(&mut self.median, frame.counts());
+        let classification = self.classifier.classify(counts, command);
         match classification.status {
             Status::Classified => self.summary.n_classified += 1,
             Status::Invalid => self.summary.n_invalid += 1,
@@ -241,11 +250,6 @@ impl<C: Classify> Service<C> {
             }
         }
         let report = &mut self.report;
-        if report.run != header.run {
-            self.filter.begin();
-            report.n_filtered = 0;
-        }
-        report.run = header.run;
         report.sequence = header.sequence;
         report.n_lost = n_lost;
         report.captured_ns = header.captured_ns;
@@ -255,6 +259,15 @@ impl<C: Classify> Service<C> {
         report.reported_monotonic_ns = self.reports.send(report)?;
         self.health.count(report, self.classifier.is_novel(report.novelty));
         Ok(())
+    }
+
+    /// Forgets the frames before.
+    fn begin_run(&mut self, run: u64) {
+        if let Some(median) = &mut self.median {
+            median.begin();
+        }
+        self.filter.begin();
+        (self.report.run, self.report.n_filtered) = (run, 0);
     }
 
     /// Takes a model into use that was asked for and is ready.
@@ -267,6 +280,7 @@ impl<C: Classify> Service<C> {
             let ids = [before.model_id(), self.classifier.model_id()];
             replaced.take(before);
             self.classifier.introduce(&mut self.report);
+            self.median = self.classifier.median();
             (self.filter, self.report.n_filtered) = (self.classifier.filter(), 0);
             ids.map(|id| id.to_string())
         });
@@ -305,6 +319,14 @@ impl<C: Classify + Send + 'static> Service<C> {
         let desk = ReloadDesk::open(&self.node, &self.sensor)?;
         self.reloads = Some(Reloads::new(desk, path, self.layout, open, asked));
         Ok(())
+    }
+}
+
+/// A frame as it is classified. One without any valid reading tells nothing, and passes by.
+fn passed<'a>(median: &'a mut Option<MedianFilter>, counts: &'a [u16]) -> &'a [u16] {
+    match median {
+        Some(median) if counts.iter().any(|&count| count != INVALID) => median.take(counts),
+        _ => counts,
     }
 }
 

@@ -11,7 +11,7 @@ use kinds_messages::{
     FrameHeader, FramePublisher, FrameReader, KindReport, Node, OwnDomain, ReportReader, ReportStatus,
     SensorName, Waiting, monotonic_ns,
 };
-use kinds_model::{Classification, Command, Filter, ModelId, SensorLayout, Status};
+use kinds_model::{Classification, Command, Filter, MedianFilter, ModelId, SensorLayout, Status};
 
 use crate::{Classify, Service, Summary};
 
@@ -70,6 +70,10 @@ impl Classify for Spy {
 
     fn is_novel(&self, novelty: f64) -> bool {
         novelty > 0.5
+    }
+
+    fn median(&self) -> Option<MedianFilter> {
+        None
     }
 
     fn filter(&self) -> Filter {

@@ -15,8 +15,8 @@ use kinds_messages::{
     ReportPublisher, ReportReader, ReportStatus, Waiting, WakeUp,
 };
 use kinds_model::{
-    Classification, Classifier, Command, EmPlan, Filter, FitPlan, ModelId, Origin, ResponsePlan, Scale,
-    SensorLayout, fit,
+    Classification, Classifier, Command, EmPlan, Filter, FitPlan, MedianFilter, ModelId, Origin,
+    ResponsePlan, Scale, SensorLayout, fit,
 };
 use kinds_service::{Classify, Service};
 
@@ -121,6 +121,10 @@ impl Classify for Noting {
 
     fn is_novel(&self, novelty: f64) -> bool {
         self.classifier.is_novel(novelty)
+    }
+
+    fn median(&self) -> Option<MedianFilter> {
+        self.classifier.median()
     }
 
     fn filter(&self) -> Filter {

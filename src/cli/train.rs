@@ -35,6 +35,10 @@ pub(crate) struct TrainArguments {
     /// Offset of the log and inverse scales, metres [default: 0.3]
     #[arg(long, value_name = "M")]
     offset_m: Option<f64>,
+    /// Take each reading as the median of so many frames, 1, 3 or 5, against drop-outs; a change is then seen one frame later, or two
+    /// [default: 3 where drop-outs are many, else 1]
+    #[arg(long, value_name = "N")]
+    median: Option<usize>,
     /// Compare frames by so many slow directions of their readings: what changes little from one frame to the next, each direction
     /// as much as any other [default: by the readings themselves]
     #[arg(long, value_name = "N")]
@@ -111,6 +115,7 @@ impl TrainArguments {
             range_m_max: self.range_m_max,
             invalid_range_m: self.invalid_range_m,
             offset_m: self.offset_m,
+            median: self.median,
             whitening: self
                 .whitening
                 .map(|n_directions| WhiteningPlan { n_directions, ..Default::default() }),

@@ -6,8 +6,8 @@ use kinds_model::evidence::best_by_bound;
 use kinds_model::hierarchy::Merge;
 use kinds_model::neighborhood::short_circuits;
 use kinds_model::{
-    DirichletProvenance, FitPlan, KindRecord, KindsTrial, LandmarkChoice, Manifest, Model, NeighborsTrial,
-    Register, ScaleTrial, WhiteningPlan,
+    DirichletProvenance, FitPlan, KindRecord, KindsTrial, LandmarkChoice, Manifest, MedianPlan, Model,
+    NeighborsTrial, Register, ScaleTrial, WhiteningPlan,
 };
 use kinds_trainer::kept_by_scale;
 use serde::Serialize;
@@ -75,6 +75,7 @@ fn describe(model: &Model) -> String {
             ),
         ),
         ("scale", scales_tried(&provenance.origin.scales_tried)),
+        ("median", median(plan.median).to_string()),
         ("compared by", compared_by(plan)),
         (
             "frames",
@@ -195,6 +196,14 @@ fn brackets(n_kinds: usize, merges: &[Merge]) -> Vec<String> {
         is_there[from] = false;
     }
     rows
+}
+
+fn median(plan: MedianPlan) -> &'static str {
+    match plan {
+        MedianPlan::Off => "none; readings are taken as they are",
+        MedianPlan::Three => "each reading is that of the last three frames",
+        MedianPlan::Five => "each reading is that of the last five frames",
+    }
 }
 
 fn scales_tried(tried: &[ScaleTrial]) -> String {

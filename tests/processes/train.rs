@@ -1,9 +1,10 @@
 //! What training depends on, and what `kinds inspect` says of its result.
 
+use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::robot::{FIRST, MODEL, Robot, SECOND, SIZE};
-use crate::world::Trip;
+use crate::world::{Trip, assert_reports_equal_classifying_here};
 
 fn inspect(robot: &Robot, model: &str) -> Value {
     serde_json::from_str(&robot.succeed(&["inspect", model, "--json"])).unwrap()
@@ -485,6 +486,43 @@ fn the_scale_by_which_kinds_last_is_chosen_and_told() {
     let tried = inspection["provenance"]["origin"]["scales_tried"].as_array().unwrap();
     let persistences: Vec<f64> = tried.iter().map(|tried| tried["persistence"].as_f64().unwrap()).collect();
     assert_eq!(persistences, lasting.map(|(_, persistence)| persistence));
+}
+
+#[test]
+fn of_a_sensor_with_drop_outs_each_reading_is_the_median_of_three_frames_in_training_and_in_serving() {
+    let robot = Robot::new();
+    let spoilt = |trip: Trip| Trip { share_dropped: 0.08, invalid_frames: &[40], as_images: true, ..trip };
+    spoilt(Trip::FIRST).write(&robot.path(FIRST));
+    spoilt(Trip::SECOND).write(&robot.path(SECOND));
+    let outcome = robot.run(&[&["train", FIRST, "--output", MODEL][..], &SIZE].concat());
+    assert!(
+        outcome.stderr.contains(
+            "are missing or far off for one frame alone: each reading is taken as the median of three frames"
+        ),
+        "{outcome:?}"
+    );
+    assert_eq!(inspect(&robot, MODEL)["plan"]["median"], "Three");
+    let consumer = robot.join();
+    let service = robot.serve();
+    let mut shim = robot.publish(SECOND, "max");
+    let reports = consumer.await_end_of(&mut shim);
+    service.stop(Signal::TERM);
+    assert_reports_equal_classifying_here(&reports, &robot.path(MODEL), &robot.path(SECOND));
+    // With so many readings gone a frame by itself would say so.
+    let n_invalid: u32 =
+        reports.iter().filter(|report| report.n_invalid < 16).map(|report| report.n_invalid).sum();
+    assert!(n_invalid < 16, "{n_invalid} readings were missing in three frames on end");
+    for (n_frames, plan) in [("1", "Off"), ("5", "Five")] {
+        let train = ["train", FIRST, "--output", "asked.kinds", "--median", n_frames];
+        let outcome = robot.run(&[&train[..], &SIZE].concat());
+        assert!(!outcome.stderr.contains("median"), "{outcome:?}");
+        assert_eq!(inspect(&robot, "asked.kinds")["plan"]["median"], plan);
+    }
+    robot.refuse_with(
+        &["train", FIRST, "--output", "asked.kinds", "--median", "4"],
+        2,
+        &["median", "4", "1, 3 or 5 frames"],
+    );
 }
 
 #[test]

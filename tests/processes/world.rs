@@ -34,6 +34,8 @@ pub(crate) struct Trip<'a> {
     pub(crate) command: fn(f64) -> Option<Command>,
     /// Frames of which no reading is valid.
     pub(crate) invalid_frames: &'a [usize],
+    /// Share of the readings that are not valid, here and there.
+    pub(crate) share_dropped: f64,
     /// Frames from this one on have half the readings.
     pub(crate) halved_from: usize,
     /// The robot stands still, and nothing is noisy.
@@ -54,6 +56,7 @@ impl Trip<'static> {
         poses_topics: &["/odom"],
         command: |_| None,
         invalid_frames: &[],
+        share_dropped: 0.0,
         halved_from: usize::MAX,
         is_constant: false,
         as_images: false,
@@ -122,6 +125,9 @@ impl Trip<'_> {
         let reading = |reading_index: usize| {
             let bearing = TAU * reading_index as f64 / n_readings as f64;
             let noise_index = (self.noise << 32) + (frame_index * self.n_readings + reading_index) as u64;
+            if 0.5 + 0.5 * noise(!noise_index) < self.share_dropped {
+                return 0;
+            }
             let range_m = range_m(place, bearing) + 0.02 * noise(noise_index);
             (range_m / METRES_PER_COUNT) as u16
         };
@@ -185,12 +191,18 @@ pub(crate) fn assert_reports_equal_classifying_by(models: &[Model], reports: &[K
     let frames = read_trip(trip);
     let sequences: Vec<u64> = reports.iter().map(|report| report.sequence).collect();
     assert_eq!(sequences, (0..reports.len() as u64).collect::<Vec<_>>());
-    let models = models.iter().map(|model| (model.id().0, Classifier::new(Arc::new(model.clone()))));
+    let models =
+        models.iter().map(|model| (model.id().0, (Classifier::new(Arc::new(model.clone())), model.median())));
     let mut classifiers = BTreeMap::from_iter(models);
     // Of the model that the last report named, and the frames that it has had.
     let mut filtered: Option<([u8; 16], Filter, u32)> = None;
     for (report, (frame, counts)) in reports.iter().zip(&frames) {
-        let classifier = classifiers.get_mut(&report.model_id).expect("no report names another model");
+        let (classifier, median) =
+            classifiers.get_mut(&report.model_id).expect("no report names another model");
+        let counts = match median {
+            Some(median) if counts.iter().any(|&count| count != 0) => median.take(counts),
+            _ => counts,
+        };
         let command = frame.command.map(|command| kinds_model::Command {
             forward_m_s: command.forward_m_s,
             turn_rad_s: command.turn_rad_s,

@@ -2,8 +2,8 @@
 
 use kinds_model::evidence::N_KINDS_TRIED_MAX;
 use kinds_model::{
-    Covariance, EmPlan, FitPlan, KindsBy, LandmarkChoice, Method, N_DIMS_MAX, N_KINDS_MAX, ResponsePlan,
-    Scale, SensorLayout, StartsOn, WhiteningPlan,
+    Covariance, EmPlan, FitPlan, KindsBy, LandmarkChoice, MedianPlan, Method, N_DIMS_MAX, N_KINDS_MAX,
+    ResponsePlan, Scale, SensorLayout, StartsOn, WhiteningPlan,
 };
 use kinds_trips::Selection;
 use serde::Deserialize;
@@ -26,6 +26,9 @@ pub struct Config {
     pub invalid_range_m: Option<f64>,
     /// Offset of the log and inverse scales, metres, above 0. Default: 0.3.
     pub offset_m: Option<f64>,
+    /// Frames over which each reading's median is taken: 1, none; 3 or 5. Against drop-outs, at the price of one frame's delay, or
+    /// two. Default: 3 where at least 4 % of the readings are missing or far off for one frame alone.
+    pub median: Option<usize>,
     /// Slow directions of readings that frames are compared by: `(n_components: 40, n_directions: 6)`, at most as many
     /// as principal components, which are at most 1000. Default: none, by the readings themselves.
     pub whitening: Option<WhiteningPlan>,
@@ -186,6 +189,7 @@ impl Config {
             range_m_max: over.range_m_max.or(self.range_m_max),
             invalid_range_m: over.invalid_range_m.or(self.invalid_range_m),
             offset_m: over.offset_m.or(self.offset_m),
+            median: over.median.or(self.median),
             whitening: over.whitening.or(self.whitening),
             metric: over.metric.or(self.metric),
             frames: over.frames.or(self.frames),
@@ -240,6 +244,10 @@ impl Config {
         count("kinds", self.kinds, N_KINDS_MAX)?;
         count("kinds_min", self.kinds_min, N_KINDS_TRIED_MAX)?;
         count("starts", self.starts, usize::MAX)?;
+        if let Some(n_frames) = self.median.filter(|n_frames| !matches!(n_frames, 1 | 3 | 5)) {
+            let limit = "1, 3 or 5 frames".to_string();
+            return Err(ConfigError::Limit { field: "median", value: n_frames as f64, limit });
+        }
         if let Some(WhiteningPlan { n_components, n_directions }) = self.whitening {
             count("n_components", Some(n_components), N_COMPONENTS_MAX)?;
             count("n_directions", Some(n_directions), n_components)?;
@@ -319,6 +327,11 @@ impl Config {
                 invalid_range_m: self.invalid_range_m.unwrap_or(usual.invalid_range_m),
                 offset_m: self.offset_m.unwrap_or(usual.offset_m),
                 ..usual
+            },
+            median: match self.median {
+                Some(3) => MedianPlan::Three,
+                Some(5) => MedianPlan::Five,
+                _ => MedianPlan::Off,
             },
             whitening: self.whitening,
             metric: self.metric.as_ref().map(|choice| choice.plan(sensor)).unwrap_or_default(),

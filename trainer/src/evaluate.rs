@@ -322,7 +322,12 @@ fn classify(models: &[&Model], trips: &[Placed], progress: &mut Progress) -> Vec
 }
 
 fn found_in(model: &Arc<Model>, trip: &LoadedTrip, told: &Told) -> Found {
-    let frames: Vec<_> = trip.frames().zip(&trip.survey.commands).collect();
+    let n_readings = trip.survey.layout.n_readings();
+    let passed: Option<Vec<u16>> = model
+        .median()
+        .map(|mut median| trip.frames().flat_map(|counts| median.take(counts).to_vec()).collect());
+    let counts = passed.as_ref().unwrap_or(&trip.counts);
+    let frames: Vec<_> = counts.chunks_exact(n_readings).zip(&trip.survey.commands).collect();
     let of_chunk = |classifier: &mut Classifier, frames: &[(&[u16], &Option<kinds_trips::Command>)]| {
         told.add(frames.len() as u64);
         let answer = |(counts, command): &(&[u16], &Option<kinds_trips::Command>)| {

@@ -10,6 +10,7 @@ mod config;
 mod consistency;
 mod counts_seen;
 mod drift;
+mod drop_outs;
 mod evaluate;
 mod landmark_number;
 mod load;

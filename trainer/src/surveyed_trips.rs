@@ -6,6 +6,7 @@ use kinds_model::{Command, Origin, SensorLayout};
 use kinds_trips::Selection;
 
 use crate::counts_seen::CountsSeen;
+use crate::drop_outs::DropOuts;
 use crate::load::of_model;
 use crate::progress::Progress;
 use crate::survey::survey;
@@ -18,6 +19,7 @@ pub(crate) struct SurveyedTrips {
     pub(crate) sensor: SensorLayout,
     pub(crate) origin: Origin,
     pub(crate) seen: CountsSeen,
+    pub(crate) drop_outs: DropOuts,
     /// Of each frame.
     pub(crate) commands: Vec<Option<Command>>,
     pub(crate) tracks: Vec<Track>,
@@ -43,12 +45,14 @@ impl SurveyedTrips {
         let mut remarks = Vec::new();
         let (mut sensor, mut origin) = (None, Origin::default());
         let (mut seen, mut commands, mut tracks) = (CountsSeen::default(), Vec::new(), Vec::new());
-        let mut frames = TripFrames::new(selection.clone());
+        let (mut drop_outs, mut frames) = (DropOuts::default(), TripFrames::new(selection.clone()));
         for path in trips {
             let mut digest = Digest::default();
+            drop_outs.begin();
             let trip = survey(path, selection, progress, |frame| {
                 seen.add(frame);
                 digest.add(frame);
+                drop_outs.add(frame);
             })?;
             frames.add(&trip, &digest);
             let found = trip.layout;
@@ -75,6 +79,6 @@ impl SurveyedTrips {
             remarks
                 .push(format!("{} frames without any valid reading were left out", origin.n_frames_invalid));
         }
-        Ok(Self { sensor, origin, seen, commands, tracks, frames, remarks })
+        Ok(Self { sensor, origin, seen, drop_outs, commands, tracks, frames, remarks })
     }
 }

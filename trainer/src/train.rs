@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use kinds_model::{
-    Command, CommandScale, Commands, FitError, Method, Model, SensorLayout, Size, StreamError, fit_stream,
-    refit,
+    Command, CommandScale, Commands, FitError, MedianPlan, Method, Model, SensorLayout, Size, StreamError,
+    fit_stream, refit,
 };
 
 use crate::config::{Config, ConfigError, MethodChoice};
+use crate::drop_outs::DropOuts;
 use crate::load::LoadError;
 use crate::progress::{Progress, fitting};
 use crate::remarks::{remark_on_islands, remarks_on_kinds};
@@ -99,8 +100,14 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
     config.check()?;
     let need_commands = config.commands_weight().is_some();
     let surveyed = SurveyedTrips::survey(trips, &config.selection(), None, need_commands, progress)?;
-    let SurveyedTrips { sensor, mut origin, seen, commands, tracks, mut frames, mut remarks } = surveyed;
+    let SurveyedTrips { sensor, mut origin, seen, drop_outs, commands, tracks, mut frames, mut remarks } =
+        surveyed;
     let mut plan = config.plan(sensor, &seen)?;
+    if config.median.is_none() {
+        plan.median = drop_outs.median();
+        remarks.extend((plan.median != MedianPlan::Off).then(|| remark_on_drop_outs(&drop_outs)));
+    }
+    frames.pass(plan.median);
     if config.scale().is_none()
         && let Some((scale, tried)) = scale_choice::choose(&mut frames, &origin, &plan, progress)?
     {
@@ -139,6 +146,14 @@ impl PcaModels {
         }
         Ok(Self { own, matched: matched.ok() })
     }
+}
+
+fn remark_on_drop_outs(drop_outs: &DropOuts) -> String {
+    format!(
+        "{:.1} % of the readings are missing or far off for one frame alone: each reading is taken as the median of three frames, here \
+         and where the model serves",
+        100.0 * drop_outs.share()
+    )
 }
 
 fn of_pca(remark: String) -> String {

@@ -3,7 +3,7 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::PathBuf;
 
-use kinds_model::{FrameSource, SensorLayout};
+use kinds_model::{FrameSource, MedianFilter, MedianPlan, SensorLayout};
 use kinds_trips::Selection;
 
 use crate::load::LoadError;
@@ -13,6 +13,8 @@ use crate::survey::{Survey, ValidFrames};
 pub(crate) struct TripFrames {
     selection: Selection,
     trips: Vec<Surveyed>,
+    /// What they pass.
+    median: MedianPlan,
     /// Which of them is being read.
     at: usize,
     reading: Option<Reading>,
@@ -31,6 +33,7 @@ struct Reading {
     frames: ValidFrames,
     n_read: usize,
     digest: Digest,
+    median: Option<MedianFilter>,
 }
 
 /// What a trip's frames are known by.
@@ -51,7 +54,12 @@ impl Digest {
 impl TripFrames {
     /// Of no trip yet.
     pub(crate) fn new(selection: Selection) -> Self {
-        Self { selection, trips: Vec::new(), at: 0, reading: None }
+        Self { selection, trips: Vec::new(), median: MedianPlan::Off, at: 0, reading: None }
+    }
+
+    /// From now on, has the frames of each trip pass a median over time.
+    pub(crate) fn pass(&mut self, median: MedianPlan) {
+        (self.median, self.at, self.reading) = (median, 0, None);
     }
 
     /// Adds a trip.
@@ -72,10 +80,13 @@ impl Surveyed {
         LoadError::Changed { path: self.path.clone(), what: what.into() }
     }
 
-    fn open(&self, selection: &Selection) -> Result<Reading, LoadError> {
+    fn open(&self, selection: &Selection, median: MedianPlan) -> Result<Reading, LoadError> {
         let frames = ValidFrames::open(&self.path, selection)?;
         match frames.layout() {
-            layout if layout == self.layout => Ok(Reading { frames, n_read: 0, digest: Digest::default() }),
+            layout if layout == self.layout => {
+                let median = MedianFilter::new(median, layout.n_readings());
+                Ok(Reading { frames, n_read: 0, digest: Digest::default(), median })
+            }
             layout => {
                 Err(self.changed(format!("its frames were of {}, and now they are of {layout}", self.layout)))
             }
@@ -94,6 +105,9 @@ impl Surveyed {
         reading.digest.add(counts);
         if reading.n_read == self.n_frames && reading.digest.finish() != self.digest {
             return Err(self.changed("its frames are not what they were"));
+        }
+        if let Some(median) = &mut reading.median {
+            counts.copy_from_slice(median.take(counts));
         }
         Ok(())
     }
@@ -115,7 +129,7 @@ impl FrameSource for TripFrames {
         let trip = &self.trips[self.at];
         let reading = match &mut self.reading {
             Some(reading) => reading,
-            none => none.insert(trip.open(&self.selection)?),
+            none => none.insert(trip.open(&self.selection, self.median)?),
         };
         trip.read(reading, counts)?;
         if reading.n_read == trip.n_frames {

@@ -36,6 +36,7 @@ pub fn learn_further(
     let surveyed =
         SurveyedTrips::survey(trips, selection, Some(model.layout()), compares_commands, progress)?;
     let SurveyedTrips { origin, commands, mut frames, mut remarks, .. } = surveyed;
+    frames.pass(model.manifest().plan.median);
     let known = &model.manifest().provenance.origin.trips;
     remarks.extend(origin.trips.iter().filter(|name| known.contains(name)).map(|name| remark_on_known(name)));
     let commands: Option<Vec<Command>> = compares_commands.then(|| {
