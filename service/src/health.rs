@@ -273,11 +273,12 @@ mod tests {
         let mut report = report(1, 0, 0, [10, 20]);
         report.kind = 1;
         report.novelty = 0.5;
+        report.set_kinds([0, 6].into_iter(), [(0, 1)].into_iter());
         report.set_probabilities(&[0.25, 0.75], &[0.25, 0.75]);
         health.count(&report, false);
         let said = end_interval(&mut health);
         assert_eq!(said.last_status(), Some(ReportStatus::Classified));
-        assert_eq!((said.last_kind, said.last_probability, said.last_novelty), (1, 0.75, 0.5));
+        assert_eq!((said.last_kind, said.last_probability, said.last_novelty), (6, 0.75, 0.5));
         assert!(said.has_shim() && said.model_id == [7; 16]);
     }
 

@@ -13,7 +13,8 @@ const TOP_PX: f64 = 44.0;
 const ROW_PX: f64 = 22.0;
 const STEP_PX_MAX: f64 = 46.0;
 const SAMPLE_PX: f64 = 22.0;
-const LETTER_PX: f64 = 7.5;
+/// Of the widest letters that a name is fitted by.
+const LETTER_PX: f64 = 8.0;
 const NAMES_PX_MAX: f64 = 180.0;
 
 /// The tree in which kinds come together, those that frames tell apart least first.
@@ -45,7 +46,7 @@ fn draw(register: &Register, merges: &[Merge]) -> Drawing {
     let n_kinds = merges.len() + 1;
     let labels: Vec<String> = (0..n_kinds).map(|kind| format!("kind {}", register.label(kind))).collect();
     let longest = labels.iter().map(|label| label.chars().count()).max().unwrap_or(0);
-    let names_px = (LETTER_PX * longest as f64 + 10.0).min(NAMES_PX_MAX);
+    let names_px = (LETTER_PX * longest as f64 + 18.0).min(NAMES_PX_MAX);
     let begin_px = names_px + SAMPLE_PX;
     let step_px = ((WIDTH_MAX - begin_px - 4.0) / merges.len() as f64).min(STEP_PX_MAX);
     let name = "Kinds and groups of them";

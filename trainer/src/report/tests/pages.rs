@@ -37,6 +37,7 @@ fn the_page_of_a_training_and_its_evaluation_has_every_section_and_figure_once()
             "Eigenvalue spectrum",
             "Embedding",
             "What each kind looks like",
+            "Which kinds are most alike",
             "Kinds on the path",
             "Kinds along time",
             "Consistency by method",
