@@ -29,7 +29,7 @@ fn run_among_mounts(robot: &Robot, mounts: &str, arguments: &[&str]) -> Option<O
 fn too_little_shared_memory_is_refused_with_the_numbers_before_the_first_frame() {
     let robot = Robot::trained();
     for (arguments, channel, needed_kb) in [
-        (["serve", "--model", MODEL, "--sensor", SENSOR], "kinds", 6769),
+        (["serve", "--model", MODEL, "--sensor", SENSOR], "kinds", 8355),
         (["publish", "--trip", SECOND, "--sensor", SENSOR], "frames", 563),
     ] {
         let small = "mount -t tmpfs -o size=500k tmpfs /dev/shm";
