@@ -12,6 +12,7 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Sample, SampleKind};
 
 use crate::arrivals::Arrivals;
+use crate::held::Held;
 use crate::link::{Link, key};
 use crate::{Arrived, BridgeError, Endpoint, TICK, TURN_PERIOD};
 
@@ -22,6 +23,12 @@ pub struct FarEnd {
     reports: ReportPublisher,
     arrivals: Arrivals,
     near_end: Other,
+    wire: Held<Wire>,
+}
+
+/// What it has in the network.
+#[derive(Debug)]
+struct Wire {
     /// What came, the newest: reports are lost here only if this process stands still.
     inbox: Subscriber<RingChannelHandler<Sample>>,
     /// Whether the near end is there, as [`Self::_life`] hears.
@@ -53,16 +60,19 @@ impl FarEnd {
         let hears = Arc::clone(&is_linked);
         let life = link.session().liveliness().declare_subscriber(key(sensor)).history(true);
         let life = life.callback(move |sign| hears.store(sign.kind() == SampleKind::Put, Ordering::Relaxed));
+        let wire = Wire {
+            inbox: inbox.map_err(link.error("subscribe"))?,
+            is_linked,
+            _life: life.wait().map_err(link.error("subscribe"))?,
+            link,
+        };
         Ok(Self {
             sensor: sensor.clone(),
             node: node.clone(),
             reports,
             arrivals: Arrivals::default(),
             near_end: Other::Unknown,
-            inbox: inbox.map_err(link.error("subscribe"))?,
-            is_linked,
-            _life: life.wait().map_err(link.error("subscribe"))?,
-            link,
+            wire: Held::new(wire),
         })
     }
 
@@ -90,8 +100,8 @@ impl FarEnd {
     }
 
     fn look_for_near_end(&mut self, tell: &mut dyn FnMut(String)) {
-        let (sensor, endpoint) = (&self.sensor, self.link.endpoint());
-        let (state, words) = match (self.near_end, self.is_linked.load(Ordering::Relaxed)) {
+        let (sensor, endpoint) = (&self.sensor, self.wire.link.endpoint());
+        let (state, words) = match (self.near_end, self.wire.is_linked.load(Ordering::Relaxed)) {
             (Other::Unknown, false) => (
                 Other::Awaited,
                 format!(
@@ -115,7 +125,7 @@ impl FarEnd {
 
     /// Waits a tick for a report, and passes it on.
     fn pass_on_next(&mut self, tell: &mut dyn FnMut(String)) -> Result<(), BridgeError> {
-        match self.inbox.recv_timeout(TICK).map_err(self.link.error("receive"))? {
+        match self.wire.inbox.recv_timeout(TICK).map_err(self.wire.link.error("receive"))? {
             Some(sample) => {
                 if let Some(report) = self.arrivals.take(&sample.payload().to_bytes()) {
                     self.reports.pass_on(&report)?;
@@ -135,7 +145,7 @@ impl fmt::Debug for FarEnd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("FarEnd")
             .field("sensor", &self.sensor)
-            .field("link", &self.link)
+            .field("wire", &self.wire)
             .finish_non_exhaustive()
     }
 }

@@ -20,6 +20,7 @@ mod arrivals;
 mod endpoint;
 mod error;
 mod far;
+mod held;
 mod link;
 mod near;
 mod outbox;

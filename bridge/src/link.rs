@@ -24,7 +24,7 @@ const BATCH_BYTES: u32 = 8192;
 /// Largest message that is taken from the other end: more than any report, and no danger to memory. Bytes.
 const MESSAGE_BYTES_MAX: u32 = 65_536;
 
-/// The longest and the shortest time between two tries to connect. Milliseconds.
+/// The shortest and the longest time between two tries to connect. Milliseconds.
 const RETRY_MS: [u32; 2] = [100, 1000];
 
 /// An end's place in the network. Dropped last: whatever was declared in it goes before.

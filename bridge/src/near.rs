@@ -10,6 +10,7 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
+use crate::held::Held;
 use crate::link::{Link, key};
 use crate::outbox::Outbox;
 use crate::spell::Spell;
@@ -30,6 +31,12 @@ pub struct NearEnd {
     left_out: Spell,
     /// Whether a far end is there.
     is_read: bool,
+    wire: Held<Wire>,
+}
+
+/// What it has in the network.
+#[derive(Debug)]
+struct Wire {
     publisher: Publisher<'static>,
     /// Tells far ends that this one is there.
     _sign_of_life: LivelinessToken,
@@ -56,6 +63,7 @@ impl NearEnd {
         let publisher = publisher.congestion_control(CongestionControl::Block).wait();
         let publisher = publisher.map_err(link.error("publish"))?;
         let sign_of_life = link.session().liveliness().declare_token(key(sensor)).wait();
+        let sign_of_life = sign_of_life.map_err(link.error("publish"))?;
         Ok(Self {
             sensor: sensor.clone(),
             node: node.clone(),
@@ -65,9 +73,7 @@ impl NearEnd {
             n_sent: 0,
             left_out: Spell::default(),
             is_read: false,
-            publisher,
-            _sign_of_life: sign_of_life.map_err(link.error("publish"))?,
-            link,
+            wire: Held::new(Wire { publisher, _sign_of_life: sign_of_life, link }),
         })
     }
 
@@ -113,9 +119,7 @@ impl NearEnd {
     /// Sends the last report again, for far ends that came after it; the others leave it alone.
     fn repeat_last(&self) -> Result<(), BridgeError> {
         match &self.last {
-            Some(last) if self.is_read => {
-                self.publisher.put(last.as_bytes()).wait().map_err(self.link.error("send"))
-            }
+            Some(last) if self.is_read => self.wire.put(last),
             _ => Ok(()),
         }
     }
@@ -126,7 +130,7 @@ impl NearEnd {
 
     fn look_for_readers(&mut self, tell: &mut dyn FnMut(String)) -> Result<(), BridgeError> {
         let matching =
-            self.publisher.matching_status().wait().map_err(self.link.error("look for readers"))?;
+            self.wire.publisher.matching_status().wait().map_err(self.wire.link.error("look for readers"))?;
         let sensor = &self.sensor;
         match (self.is_read, matching.matching()) {
             (false, true) => tell(format!("another machine reads {sensor}")),
@@ -156,12 +160,22 @@ impl NearEnd {
     }
 
     fn send(&mut self, report: &KindReport, tell: &mut dyn FnMut(String)) -> Result<(), BridgeError> {
-        self.publisher.put(report.as_bytes()).wait().map_err(self.link.error("send"))?;
+        self.wire.put(report)?;
         self.n_sent += 1;
-        if let Some(n) = self.left_out.calm() {
+        // While others wait the link is not yet quick enough: what it takes, it takes by fits and starts.
+        if self.outbox.is_empty()
+            && let Some(n) = self.left_out.calm()
+        {
             tell(format!("the link takes all reports of {} again; {n} were left out", self.sensor));
         }
         Ok(())
+    }
+}
+
+impl Wire {
+    /// Sends a report, which takes as long as the link does.
+    fn put(&self, report: &KindReport) -> Result<(), BridgeError> {
+        self.publisher.put(report.as_bytes()).wait().map_err(self.link.error("send"))
     }
 }
 
@@ -169,7 +183,7 @@ impl fmt::Debug for NearEnd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("NearEnd")
             .field("sensor", &self.sensor)
-            .field("link", &self.link)
+            .field("wire", &self.wire)
             .finish_non_exhaustive()
     }
 }

@@ -41,6 +41,10 @@ impl Outbox {
         n_left_out
     }
 
+    pub(crate) fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
     /// The oldest.
     pub(crate) fn pop(&mut self) -> Option<KindReport> {
         self.waiting.pop_front()

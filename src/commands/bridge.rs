@@ -4,6 +4,7 @@ use kinds_bridge::{Arrived, FarEnd, NearEnd, Sent};
 use kinds_messages::Node;
 
 use crate::cli::{BridgeArguments, BridgePlan, End};
+use crate::commands::BRIDGE;
 use crate::failure::Failure;
 use crate::notify::Supervisor;
 use crate::say::mention;
@@ -13,7 +14,7 @@ pub(crate) fn run(arguments: &BridgeArguments) -> Result<(), Failure> {
     let stop = stop::on_signals()?;
     let BridgePlan { sensor, end } = arguments.plan()?;
     let supervisor = Supervisor::from_environment();
-    let node = Node::open(&arguments.domain.domain(), "kinds-bridge")?;
+    let node = Node::open(&arguments.domain.domain(), BRIDGE)?;
     let mut tell = |words: String| log::notice(words);
     let said = match &end {
         End::Near(endpoint) => {

@@ -24,6 +24,9 @@ use kinds_messages::OwnDomain;
 
 use crate::failure::Failure;
 
+/// What an end of a bridge says that it is.
+const BRIDGE: &str = "kinds-bridge";
+
 /// A domain for programs that nobody else is to meet.
 fn own_domain() -> Result<OwnDomain, Failure> {
     OwnDomain::make().map_err(|error| Failure::CouldNot(format!("cannot make a temporary folder: {error}")))

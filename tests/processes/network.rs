@@ -81,16 +81,6 @@ impl Network {
     pub(crate) fn mend(&self) {
         ip(&["-n", &self.robot, "link", "set", WIRE, "up"]).unwrap();
     }
-
-    /// Makes the wire a bad one. False, in words, where the system cannot.
-    pub(crate) fn spoil(&self, how: &[&str]) -> bool {
-        let add = ["-n", &self.robot, "qdisc", "add", "dev", WIRE, "root", "netem"];
-        let spoilt = said("tc", &[&add[..], how].concat());
-        if let Err(reason) = &spoilt {
-            eprintln!("skipped: no bad wire can be made here: {reason}");
-        }
-        spoilt.is_ok()
-    }
 }
 
 impl Drop for Network {
@@ -103,18 +93,12 @@ impl Drop for Network {
 }
 
 fn ip(arguments: &[&str]) -> Result<(), String> {
-    said("ip", arguments)
-}
-
-fn said(program: &str, arguments: &[&str]) -> Result<(), String> {
-    let output =
-        Command::new(program).args(arguments).output().map_err(|error| format!("{program}: {error}"))?;
+    let output = Command::new("ip").args(arguments).output().map_err(|error| format!("ip: {error}"))?;
     match output.status.success() {
         true => Ok(()),
-        false => Err(format!(
-            "{program} {}: {}",
-            arguments.join(" "),
-            String::from_utf8_lossy(&output.stderr).trim()
-        )),
+        false => {
+            let said = String::from_utf8_lossy(&output.stderr);
+            Err(format!("ip {}: {}", arguments.join(" "), said.trim()))
+        }
     }
 }

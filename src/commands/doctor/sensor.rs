@@ -5,6 +5,8 @@ use std::time::Duration;
 use kinds_messages::{Census, Domain, FoundChannel, FrameHeader, KindReport, Life, Purpose, SensorName};
 use kinds_model::Model;
 
+use crate::commands::BRIDGE;
+
 use super::arrivals::{Arrivals, look};
 use super::finding::{Finding, listed, well, wrong};
 use super::{clock, model};
@@ -26,7 +28,7 @@ pub(super) fn examine(
         findings.extend(on_layout(channel));
         findings.extend(on_places(channel));
     }
-    findings.push(on_publisher(sensor, frames));
+    findings.push(bridged(sensor, kinds).unwrap_or_else(|| on_publisher(sensor, frames)));
     findings.push(on_service(sensor, kinds));
     // A replay may wait for its first reader, and must not take this program for one.
     let flows = frames.filter(|channel| is_live(channel) && !channel.readers.is_empty());
@@ -105,6 +107,17 @@ fn on_places(channel: &FoundChannel) -> Option<Finding> {
 
 fn is_live(channel: &FoundChannel) -> bool {
     channel.publisher.as_ref().is_some_and(|publisher| publisher.program.life == Life::Alive)
+}
+
+/// Where the sensor is another machine's: its frames stay there.
+fn bridged(sensor: &SensorName, kinds: Option<&FoundChannel>) -> Option<Finding> {
+    let publisher = kinds.filter(|channel| is_live(channel))?.publisher.as_ref()?;
+    (publisher.program.name.as_deref() == Some(BRIDGE)).then(|| {
+        well(
+            "frames",
+            format!("those of {sensor} stay on the machine that {} has its kinds from", publisher.program),
+        )
+    })
 }
 
 fn on_publisher(sensor: &SensorName, frames: Option<&FoundChannel>) -> Finding {
