@@ -8,12 +8,14 @@ use crate::robot::{MODEL, Robot, SENSOR};
 const DEPLOY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/deploy");
 
 /// The configurations that come with the package: path, and the groups of fields in it, with how to ask for them.
-const CONFIGURATIONS: [(&str, &[&str]); 6] = [
+const CONFIGURATIONS: [(&str, &[&str]); 7] = [
     ("etc/serve.ron", &["", "realtime: ("]),
     ("etc/publish.ron", &["", "faults: (", "reading: ("]),
     ("etc/record.ron", &[""]),
     ("examples/train.ron", &["", "commands: (", "whitening: ("]),
     ("examples/faults.ron", &[""]),
+    // Of a configuration of which etc/publish.ron has all fields.
+    ("examples/realsense.ron", &[]),
     ("examples/realtime.ron", &[""]),
 ];
 

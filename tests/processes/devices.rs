@@ -1,4 +1,4 @@
-//! `kinds publish --device`: frames that other programs send as bytes. Serial lines are tested where they are read.
+//! `kinds publish --device`: frames that other programs send as bytes. Serial lines and cameras are tested where they are read.
 
 #![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
 
@@ -111,6 +111,16 @@ fn the_python_program_of_the_documents_sends_frames() {
 }
 
 #[test]
+fn a_camera_that_is_not_there_is_waited_for_until_a_signal() {
+    let robot = Robot::new();
+    let device = ["--device", "v4l2:///dev/there-is-no-such-camera", "--rows", "240", "--columns", "424"];
+    let shim = robot.start(&[&["publish", "--sensor", SENSOR][..], &device].concat());
+    let said = "/dev/there-is-no-such-camera cannot be read: it is not there; waiting until it can";
+    shim.await_err(&format!("kinds: {SENSOR}: {said}"));
+    shim.stop(Signal::TERM);
+}
+
+#[test]
 fn what_cannot_be_read_from_a_device_is_a_sentence() {
     let robot = Robot::new();
     let publish = ["publish", "--sensor", SENSOR];
@@ -134,6 +144,16 @@ fn what_cannot_be_read_from_a_device_is_a_sentence() {
             &["--device", "stdin", "--columns", "0"],
             1,
             "frames of 1 × 0 readings cannot be read; there must be 1 to 16777216 of them",
+        ),
+        (
+            &["--device", "v4l2:///dev/null", "--columns", "0"],
+            1,
+            "frames of 1 × 0 readings cannot be read; there must be 1 to 16777216 of them",
+        ),
+        (
+            &["--device", "v4l2:///dev/null", "--rows", "240", "--columns", "424"],
+            1,
+            "/dev/null sends no pictures; name the device file of a camera that does (v4l2-ctl --list-devices shows them)",
         ),
     ] {
         robot.refuse(&[&publish[..], arguments].concat(), code, sentence);
