@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Formats are those of one unsigned count of 16 bits a pixel: Z16, which is depth, or else Y16. What a count stands for the device does
-//! not say; it comes with the layout. [`video_device`] has the calls of the system, so that all that is decided by them is tested
-//! against a camera in memory; [`kernel`] makes them.
+//! not say; it comes with the layout. `video_device` has the calls of the system, so that all that is decided by them is tested
+//! against a camera in memory; `kernel` makes them.
 
 use crate::SensorError;
 

@@ -202,24 +202,22 @@ fn an_unplugged_camera_is_waited_for_and_each_is_told_once() {
 
 #[test]
 fn a_call_that_fails_anywhere_in_a_stream_ends_it_and_the_next_goes_on() {
-    let fails: [(fn(Errno) -> Event, &[u32]); 3] = [
-        (Event::WaitFails, &[0, 1, 2, 3]),
-        (Event::DequeueFails, &[0, 1, 2, 3]),
+    let check = |fails: Event, expected: &[u32]| {
+        let plug = depth_camera();
+        plug.borrow_mut().events.extend([frame(0), frame(1), fails, frame(2), frame(3)]);
+        let mut camera = shim_of(&plug, None);
+        let (frames, news) = read(&mut camera, expected.len());
+        assert!(frames.is_sorted_by(|(one, _), (next, _)| one.sequence < next.sequence));
+        let counts: Vec<Vec<u16>> = frames.into_iter().map(|(_, counts)| counts).collect();
+        assert_eq!(counts, expected.iter().map(|number| counts_of(*number)).collect::<Vec<_>>());
+        assert_eq!(news.len(), 2, "{news:?}");
+        assert_eq!((plug.borrow().n_opened, plug.borrow().n_open), (2, 1));
+    };
+    for errno in [Errno::NODEV, Errno::IO] {
+        check(Event::WaitFails(errno), &[0, 1, 2, 3]);
+        check(Event::DequeueFails(errno), &[0, 1, 2, 3]);
         // The frame whose buffer cannot be given back goes with the stream.
-        (Event::QueueFails, &[0, 2, 3]),
-    ];
-    for (fails, expected) in fails {
-        for errno in [Errno::NODEV, Errno::IO] {
-            let plug = depth_camera();
-            plug.borrow_mut().events.extend([frame(0), frame(1), fails(errno), frame(2), frame(3)]);
-            let mut camera = shim_of(&plug, None);
-            let (frames, news) = read(&mut camera, expected.len());
-            assert!(frames.is_sorted_by(|(one, _), (next, _)| one.sequence < next.sequence));
-            let counts: Vec<Vec<u16>> = frames.into_iter().map(|(_, counts)| counts).collect();
-            assert_eq!(counts, expected.iter().map(|number| counts_of(*number)).collect::<Vec<_>>());
-            assert_eq!(news.len(), 2, "{news:?}");
-            assert_eq!((plug.borrow().n_opened, plug.borrow().n_open), (2, 1));
-        }
+        check(Event::QueueFails(errno), &[0, 2, 3]);
     }
 }
 
