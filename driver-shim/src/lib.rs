@@ -9,27 +9,33 @@
 //! for nobody, a replayed trip can wait for every report.
 //!
 //! Devices: [`Paced`] frames of a [`Source`], such as the [`Replay`] of a recorded trip or a
-//! [`simulated`] robot; whatever sends frames as bytes ([`wire::Wired`]). [`Faulty`] wraps any of them and spoils some of its frames, to see what the others make of it.
-#![forbid(unsafe_code)]
+//! [`simulated`] robot; whatever sends frames as bytes ([`wire::Wired`]); depth cameras ([`v4l2::DepthCamera`]). [`Faulty`] wraps any
+//! of them and spoils some of its frames, to see what the others make of it.
 
+mod address;
 mod faults;
 mod faulty;
 mod flow;
+mod layout;
 mod notice;
 mod pace;
 mod paced;
 mod sensor;
 mod shim;
 pub mod simulated;
+mod tally;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
 mod tests;
+pub mod v4l2;
 pub mod wire;
 
+pub use address::{AddressError, DeviceAddress};
 pub use faults::{Faults, FaultsError};
 pub use faulty::{Faulty, Injected};
 pub use flow::{FOLLOW_WINDOW, Flow};
+pub use layout::LayoutError;
 pub use notice::Notice;
 pub use pace::{Pace, PaceError, Speed};
 pub use paced::{Paced, Replay, Source};

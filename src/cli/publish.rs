@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use kinds_driver_shim::simulated::Floor;
-use kinds_driver_shim::wire::Address;
-use kinds_driver_shim::{Faults, Pace, Speed};
+use kinds_driver_shim::{DeviceAddress, Faults, Pace, Speed};
 use kinds_messages::SensorName;
 use kinds_trips::{FrameLayout, Selection};
 use serde::Deserialize;
@@ -36,10 +35,11 @@ pub(crate) struct PublishConfig {
     /// Drive a simulated robot instead
     #[arg(long, value_enum, value_name = "ROBOT")]
     simulate: Option<RobotName>,
-    /// Read frames from a device instead: udp://ADDRESS:PORT, stdin, or serial:///dev/NAME?baud=115200
+    /// Read frames from a device instead: udp://ADDRESS:PORT, stdin, serial:///dev/NAME?baud=115200, or of a depth camera
+    /// v4l2:///dev/NAME?rate_hz=30
     #[arg(long, value_name = "DEVICE", conflicts_with_all = ["trip", "simulate"])]
     #[serde(deserialize_with = "as_flag")]
-    device: Option<Address>,
+    device: Option<DeviceAddress>,
     /// Rows of the device's frames [default: 1]
     #[arg(long, value_name = "N")]
     rows: Option<u32>,
@@ -84,7 +84,7 @@ pub(crate) struct PublishPlan {
 
 pub(crate) enum SourcePlan {
     Device {
-        address: Address,
+        address: DeviceAddress,
         layout: FrameLayout,
     },
     Trip {
@@ -170,7 +170,7 @@ impl PublishConfig {
         }
     }
 
-    fn device_source(&self, address: &Address) -> Result<SourcePlan, Failure> {
+    fn device_source(&self, address: &DeviceAddress) -> Result<SourcePlan, Failure> {
         let others = [
             ("trip", self.trip.is_some()),
             ("simulate", self.simulate.is_some()),

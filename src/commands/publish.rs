@@ -1,11 +1,13 @@
 //! `kinds publish`: the driver shim of one sensor.
 
+use std::fmt::Display;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot};
-use kinds_driver_shim::wire::{LeftOut, Wired};
-use kinds_driver_shim::{Faulty, Flow, Pace, Paced, Sensor, Shim};
+use kinds_driver_shim::v4l2::DepthCamera;
+use kinds_driver_shim::wire::Wired;
+use kinds_driver_shim::{DeviceAddress, Faulty, Flow, Pace, Paced, Sensor, Shim};
 use kinds_messages::Node;
 use kinds_trips::TripReader;
 
@@ -30,16 +32,22 @@ pub(crate) fn run(arguments: &PublishArguments) -> Result<(), Failure> {
                 truncation.map(|truncation| format!("trip {} {truncation}", path.display()))
             })
         }
-        SourcePlan::Device { address, layout } => {
+        SourcePlan::Device { address: DeviceAddress::Wire(address), layout } => {
             let device = Wired::open(address.clone(), *layout)
                 .map_err(|error| Failure::CouldNot(error.to_string()))?;
-            publish(device, arguments, &plan, &stop, |device| {
-                let left_out = device.left_out();
-                (left_out != LeftOut::default())
-                    .then(|| format!("of what {address} sent, were left out: {left_out}"))
-            })
+            publish(device, arguments, &plan, &stop, |device| left_out(address, device.left_out()))
+        }
+        SourcePlan::Device { address: DeviceAddress::Camera(address), layout } => {
+            let device = DepthCamera::new(address.clone(), *layout)
+                .map_err(|error| Failure::CouldNot(error.to_string()))?;
+            publish(device, arguments, &plan, &stop, |device| left_out(address, device.left_out()))
         }
     }
+}
+
+/// What there is to say of a device's frames that were left out, if any were.
+fn left_out<T: Default + PartialEq + Display>(address: &impl Display, left_out: T) -> Option<String> {
+    (left_out != T::default()).then(|| format!("of what {address} sent, were left out: {left_out}"))
 }
 
 /// A simulated robot at the start of a trip. Chew has no floor to drive on.

@@ -15,6 +15,8 @@ const CONFIGURATIONS: [(&str, &[&str]); 7] = [
     ("etc/bridge.ron", &[""]),
     ("examples/train.ron", &["", "commands: (", "whitening: ("]),
     ("examples/faults.ron", &[""]),
+    // Of a configuration of which etc/publish.ron has all fields.
+    ("examples/realsense.ron", &[]),
     ("examples/realtime.ron", &[""]),
 ];
 

@@ -1,4 +1,4 @@
-//! `kinds publish --device`: frames that other programs send as bytes. Serial lines are tested where they are read.
+//! `kinds publish --device`: frames that other programs send as bytes. Serial lines and cameras are tested where they are read.
 
 #![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
 
@@ -7,7 +7,7 @@ use std::net::UdpSocket;
 use std::process::{Command, Stdio};
 
 use kinds_driver_shim::wire::Part;
-use kinds_messages::Frame;
+use kinds_messages::{Frame, FrameHeader, ns_since_epoch};
 use kinds_trips::FrameLayout;
 use rustix::process::Signal;
 
@@ -110,6 +110,88 @@ fn the_python_program_of_the_documents_sends_frames() {
     assert!(outcome.stdout.starts_with(&format!("published 100 frames of {SENSOR} in ")), "{outcome:?}");
 }
 
+/// Compiles the program that lets another meet a camera. None, in words, where it cannot be.
+fn emulated_camera(robot: &Robot) -> Option<String> {
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/processes/emulated_camera.c");
+    let program = robot.path("emulated_camera").display().to_string();
+    let Ok(compiled) = Command::new("cc").args(["-std=gnu11", "-o", &program, source]).output() else {
+        eprintln!("skipped: there is no cc");
+        return None;
+    };
+    let said = String::from_utf8_lossy(&compiled.stderr);
+    if said.contains(".h: No such file") {
+        eprintln!("skipped: a header of the system is not there: {said}");
+        return None;
+    }
+    assert!(compiled.status.success(), "{said}");
+    // Whether this system lets one process answer another's calls.
+    let tried = robot.command_of(&program, &["tried", "1", "1", "/bin/true"]).output().unwrap();
+    if tried.status.code() == Some(77) {
+        eprintln!("skipped: calls cannot be answered here: {}", String::from_utf8_lossy(&tried.stderr));
+        return None;
+    }
+    assert!(tried.status.success(), "{tried:?}");
+    Some(program)
+}
+
+#[test]
+fn frames_of_a_camera_are_read_through_the_systems_calls_and_its_memory() {
+    let robot = Robot::new();
+    let Some(camera) = emulated_camera(&robot) else { return };
+    let frames = robot.join_frames();
+    let file = robot.path("video0").display().to_string();
+    let device = format!("v4l2://{file}?rate_hz=30");
+    let publish = ["publish", "--sensor", SENSOR, "--rows", "40", "--columns", "60", "--device", &device];
+    let kinds = [&file[..], "40", "60", env!("CARGO_BIN_EXE_kinds")];
+    let before_ns = ns_since_epoch();
+    let shim = Running::start(&mut robot.command_of(&camera, &[&kinds[..], &publish].concat()));
+    let mut received: Vec<(FrameHeader, Vec<u16>)> = Vec::new();
+    // Some of them of its second stream, which begins with the number after the first one's last.
+    await_that(|| {
+        while let Some(frame) = frames.receive().unwrap() {
+            received.push((*frame.header(), frame.counts().to_vec()));
+        }
+        received.last().is_some_and(|(header, _)| header.sequence >= 13)
+    });
+    let now_ns = ns_since_epoch();
+    let mut captured_ns = before_ns;
+    for (header, counts) in received {
+        assert_eq!((header.rows, header.columns), (40, 60));
+        assert!(![5, 6].contains(&header.sequence), "damaged and lost frames are missing");
+        let number = if header.sequence < 10 { header.sequence } else { header.sequence - 10 };
+        let count = |index: u64| (number * 1009 + index / 60 * 31 + index % 60) as u16;
+        assert!(counts.into_iter().eq((0..2400).map(count)), "frame {}", header.sequence);
+        assert!((captured_ns..=now_ns).contains(&header.captured_ns));
+        captured_ns = header.captured_ns;
+    }
+    shim.signal(Signal::TERM);
+    let outcome = shim.end();
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    let expected = [
+        format!("{SENSOR}: {file} does not send 30 frames a second, but 90.0"),
+        format!("{SENSOR}: frames come damaged, as their driver says; they are left out"),
+        format!("{SENSOR}: {file} cannot be read: it is not there; waiting until it can"),
+        format!("{SENSOR}: {file} can be read"),
+        format!(
+            "of what {device} sent, were left out: 1 frames that its driver flagged as damaged, 0 that were cut short"
+        ),
+    ];
+    let said = outcome.stderr.lines().filter_map(|line| line.strip_prefix("kinds: "));
+    // If a hundred whole frames have come by then.
+    let said: Vec<&str> = said.filter(|line| !line.contains("frames come as they should again")).collect();
+    assert_eq!(said, expected);
+}
+
+#[test]
+fn a_camera_that_is_not_there_is_waited_for_until_a_signal() {
+    let robot = Robot::new();
+    let device = ["--device", "v4l2:///dev/there-is-no-such-camera", "--rows", "240", "--columns", "424"];
+    let shim = robot.start(&[&["publish", "--sensor", SENSOR][..], &device].concat());
+    let said = "/dev/there-is-no-such-camera cannot be read: it is not there; waiting until it can";
+    shim.await_err(&format!("kinds: {SENSOR}: {said}"));
+    shim.stop(Signal::TERM);
+}
+
 #[test]
 fn what_cannot_be_read_from_a_device_is_a_sentence() {
     let robot = Robot::new();
@@ -134,6 +216,16 @@ fn what_cannot_be_read_from_a_device_is_a_sentence() {
             &["--device", "stdin", "--columns", "0"],
             1,
             "frames of 1 × 0 readings cannot be read; there must be 1 to 16777216 of them",
+        ),
+        (
+            &["--device", "v4l2:///dev/null", "--columns", "0"],
+            1,
+            "frames of 1 × 0 readings cannot be read; there must be 1 to 16777216 of them",
+        ),
+        (
+            &["--device", "v4l2:///dev/null", "--rows", "240", "--columns", "424"],
+            1,
+            "/dev/null sends no pictures; name the device file of a camera that does (v4l2-ctl --list-devices shows them)",
         ),
     ] {
         robot.refuse(&[&publish[..], arguments].concat(), code, sentence);

@@ -1,9 +1,11 @@
-//! Where a device is, as a person writes it.
+//! Where bytes come from, as a person writes it.
 
 use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::str::FromStr;
+
+use crate::AddressError;
 
 const BAUD_USUAL: u32 = 115_200;
 
@@ -28,17 +30,6 @@ pub enum Address {
         /// Bits a second.
         baud: u32,
     },
-}
-
-/// A text that names no device.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "device \"{text}\" is none of udp://ADDRESS:PORT (such as udp://127.0.0.1:4000), stdin, and serial:///dev/NAME or \
-     serial:///dev/NAME?baud=115200"
-)]
-pub struct AddressError {
-    /// The text as given.
-    pub text: String,
 }
 
 impl FromStr for Address {

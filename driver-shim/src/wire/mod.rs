@@ -25,7 +25,7 @@ mod tests;
 mod troubles;
 mod wired;
 
-pub use address::{Address, AddressError};
+pub use address::Address;
 pub use part::{Part, READINGS_MAX};
 pub use troubles::LeftOut;
 pub use wired::{WireError, Wired};

@@ -16,7 +16,7 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use super::link::{Link, Pipe, Received};
 use super::part::{MAGIC, VERSION};
 use super::{Address, LeftOut, Part, READINGS_MAX, WireError, Wired};
-use crate::{Capture, NumberedFrame, Reading, Sensor};
+use crate::{Capture, LayoutError, NumberedFrame, Reading, Sensor};
 
 const RING: FrameLayout = FrameLayout { rows: 1, columns: 16, metres_per_count: 0.001 };
 const CAMERA: FrameLayout = FrameLayout { rows: 3, columns: 5, metres_per_count: 0.0005 };
@@ -437,8 +437,9 @@ fn addresses_are_read_as_they_are_written_or_refused_in_words() {
         assert_eq!(
             text.parse::<Address>().unwrap_err().to_string(),
             format!(
-                "device \"{text}\" is none of udp://ADDRESS:PORT (such as udp://127.0.0.1:4000), stdin, and \
-                 serial:///dev/NAME or serial:///dev/NAME?baud=115200"
+                "device \"{text}\" is none of udp://ADDRESS:PORT (such as udp://127.0.0.1:4000), stdin, \
+                 serial:///dev/NAME or serial:///dev/NAME?baud=115200, and v4l2:///dev/NAME or \
+                 v4l2:///dev/NAME?rate_hz=30"
             )
         );
     }
@@ -470,6 +471,6 @@ fn what_cannot_be_read_is_refused_in_words() {
     let address = format!("udp://{}", taken.local_addr().unwrap());
     let said = refused(&address, RING);
     assert!(said.starts_with(&format!("cannot read {address}: ")), "{said}");
-    let error = WireError::Unit { metres_per_count: 9.0 };
+    let error = WireError::Layout(LayoutError::Unit { metres_per_count: 9.0 });
     assert!(crate::SensorError::from(error).to_string().starts_with("one count cannot stand for 9 m"));
 }

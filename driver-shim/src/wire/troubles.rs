@@ -3,8 +3,7 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-/// Whole frames in a row after which a trouble is over.
-const CALM_FRAMES: u64 = 100;
+use crate::tally::Tally;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trouble {
@@ -44,13 +43,6 @@ impl fmt::Display for LeftOut {
     }
 }
 
-#[derive(Clone, Copy, Default)]
-struct Tally {
-    n: u64,
-    /// While it lasts: how many there were before it began, and whole frames since the last.
-    lasts: Option<(u64, u64)>,
-}
-
 #[derive(Default)]
 pub(crate) struct Troubles {
     tallies: [Tally; N_TROUBLES],
@@ -72,31 +64,17 @@ impl Troubles {
 
     /// As [`Self::count`], with words of one's own for its beginning.
     pub(crate) fn count_as(&mut self, trouble: Trouble, n: usize, words: impl FnOnce() -> String) {
-        let tally = &mut self.tallies[trouble as usize];
-        let n_before = match tally.lasts {
-            Some((n_before, _)) => n_before,
-            None => {
-                self.news.push_back(words());
-                tally.n
-            }
-        };
-        tally.lasts = Some((n_before, 0));
-        tally.n += n as u64;
+        if self.tallies[trouble as usize].count(n as u64) {
+            self.news.push_back(words());
+        }
     }
 
     /// A whole frame has come.
     pub(crate) fn frame_came(&mut self) {
-        for (trouble, tally) in self.tallies.iter_mut().enumerate() {
-            let Some((n_before, n_calm)) = &mut tally.lasts else { continue };
-            *n_calm += 1;
-            if *n_calm == CALM_FRAMES {
-                let what = ["bytes", "parts of another layout", "frames that lacked a part", "late parts"];
-                let n = tally.n - *n_before;
-                self.news.push_back(format!(
-                    "frames come as they should again; {n} {} were left out",
-                    what[trouble]
-                ));
-                tally.lasts = None;
+        let what = ["bytes", "parts of another layout", "frames that lacked a part", "late parts"];
+        for (tally, what) in self.tallies.iter_mut().zip(what) {
+            if let Some(n) = tally.frame_came() {
+                self.news.push_back(format!("frames come as they should again; {n} {what} were left out"));
             }
         }
     }
@@ -112,7 +90,7 @@ impl Troubles {
     }
 
     pub(crate) fn left_out(&self) -> LeftOut {
-        let n = |trouble: Trouble| self.tallies[trouble as usize].n;
+        let n = |trouble: Trouble| self.tallies[trouble as usize].n();
         LeftOut {
             n_noise_bytes: n(Trouble::Noise),
             n_foreign_parts: n(Trouble::Foreign),

@@ -11,13 +11,11 @@ use super::address::Address;
 use super::assembly::Assembly;
 use super::decoder::{Decoder, Found};
 use super::link::{Link, Pipe, Received};
-use super::part::{Part, nanometres};
+use super::part::Part;
 use super::serial::Serial;
 use super::troubles::{LeftOut, Trouble, Troubles};
+use crate::layout::{self, LayoutError};
 use crate::{NumberedFrame, Reading, Sensor, SensorError};
-
-/// Most readings of a frame that is read as bytes: each takes memory of its own while parts are put together.
-const FRAME_READINGS_MAX: u64 = 1 << 24;
 
 /// A device that sends its frames as the [module](super) says. Whatever else comes is left out, counted and said.
 pub struct Wired {
@@ -33,22 +31,9 @@ pub struct Wired {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WireError {
-    /// No frame of it could be.
-    #[error(
-        "frames of {rows} × {columns} readings cannot be read; there must be 1 to {FRAME_READINGS_MAX} of them"
-    )]
-    Size {
-        /// Rows asked for.
-        rows: u32,
-        /// Columns asked for.
-        columns: u32,
-    },
-    /// No unit that can be sent.
-    #[error("one count cannot stand for {metres_per_count} m; it must be between 0.000000001 and 4 m")]
-    Unit {
-        /// As asked for.
-        metres_per_count: f64,
-    },
+    /// What no device has.
+    #[error(transparent)]
+    Layout(#[from] LayoutError),
     /// Nothing comes from it.
     #[error("cannot read {address}: {error}")]
     Link {
@@ -62,13 +47,7 @@ pub enum WireError {
 impl Wired {
     /// Opens what sends frames of a layout. A serial line need not be there yet.
     pub fn open(address: Address, layout: FrameLayout) -> Result<Self, WireError> {
-        let FrameLayout { rows, columns, metres_per_count } = layout;
-        if !(1..=FRAME_READINGS_MAX).contains(&(u64::from(rows) * u64::from(columns))) {
-            return Err(WireError::Size { rows, columns });
-        }
-        if nanometres(metres_per_count) == 0 || !(0.0..=4.0).contains(&metres_per_count) {
-            return Err(WireError::Unit { metres_per_count });
-        }
+        layout::check(layout)?;
         let link: Box<dyn Link> = match &address {
             Address::Udp(socket) => match listen(*socket) {
                 Ok(socket) => Box::new(socket),
