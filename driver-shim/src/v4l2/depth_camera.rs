@@ -101,12 +101,8 @@ impl DepthCamera {
         let CameraAddress { path, rate_hz } = &self.address;
         let opened = (self.open)(path).map_err(|error| CameraError::Io { path: path.clone(), error });
         let mut stream = match opened.and_then(|device| Stream::start(device, path, self.layout, *rate_hz)) {
-            Err(error @ CameraError::Io { .. }) => {
-                self.wait_for(error);
-                return Ok(());
-            }
-            // What was plugged in may be another camera, and the right one come yet.
-            Err(error) if self.has_streamed => {
+            // Once it has streamed, what is wrong now may be another camera, and the right one come yet.
+            Err(error) if error.may_pass() || self.has_streamed => {
                 self.wait_for(error);
                 return Ok(());
             }
@@ -130,11 +126,10 @@ impl DepthCamera {
     fn wait_for(&mut self, error: CameraError) {
         self.stream = None;
         self.retry_at = Instant::now() + RETRY;
-        let is_of_system = |error: &CameraError| matches!(error, CameraError::Io { .. });
-        if self.told.as_ref().is_some_and(|told| !is_of_system(told) || is_of_system(&error)) {
+        if self.told.as_ref().is_some_and(|told| !told.may_pass() || error.may_pass()) {
             return;
         }
-        self.news.push_back(match is_of_system(&error) {
+        self.news.push_back(match error.may_pass() {
             true => format!("{error}; waiting until it can"),
             false => format!("{error}; waiting for the right one"),
         });

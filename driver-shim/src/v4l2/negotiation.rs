@@ -58,6 +58,13 @@ pub enum CameraError {
     },
 }
 
+impl CameraError {
+    /// Whether it may be over without anybody changing what is asked for.
+    pub(crate) fn may_pass(&self) -> bool {
+        matches!(self, Self::Io { .. })
+    }
+}
+
 fn listed(items: &[String]) -> String {
     if items.is_empty() { "none".to_string() } else { items.join(", ") }
 }
