@@ -7,7 +7,9 @@ use std::sync::atomic::AtomicBool;
 
 use bytes::Bytes;
 use kinds_messages::{Domain, KindReport, Node, Waiting};
-use kinds_model::{Classification, Classifier, Command, Filter, ModelId, SensorLayout, Status, file};
+use kinds_model::{
+    Classification, Classifier, Command, Filter, MedianFilter, ModelId, SensorLayout, Status, file,
+};
 use kinds_service::{Classify, Service};
 
 pub(crate) const REPORT_BYTES: usize = size_of::<KindReport>();
@@ -59,6 +61,10 @@ impl Classify for Nothing {
 
     fn is_novel(&self, _novelty: f64) -> bool {
         false
+    }
+
+    fn median(&self) -> Option<MedianFilter> {
+        None
     }
 
     fn filter(&self) -> Filter {

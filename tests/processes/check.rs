@@ -8,7 +8,7 @@ use crate::robot::{MODEL, Robot, SENSOR};
 const DEPLOY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/deploy");
 
 /// The configurations that come with the package: path, and the groups of fields in it, with how to ask for them.
-const CONFIGURATIONS: [(&str, &[&str]); 7] = [
+const CONFIGURATIONS: [(&str, &[&str]); 8] = [
     ("etc/serve.ron", &["", "realtime: ("]),
     ("etc/publish.ron", &["", "faults: (", "reading: ("]),
     ("etc/record.ron", &[""]),

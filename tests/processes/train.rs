@@ -491,7 +491,8 @@ fn the_scale_by_which_kinds_last_is_chosen_and_told() {
 #[test]
 fn of_a_sensor_with_drop_outs_each_reading_is_the_median_of_three_frames_in_training_and_in_serving() {
     let robot = Robot::new();
-    let spoilt = |trip: Trip| Trip { share_dropped: 0.08, invalid_frames: &[40], as_images: true, ..trip };
+    let spoilt =
+        |trip: Trip<'static>| Trip { share_dropped: 0.08, invalid_frames: &[40], as_images: true, ..trip };
     spoilt(Trip::FIRST).write(&robot.path(FIRST));
     spoilt(Trip::SECOND).write(&robot.path(SECOND));
     let outcome = robot.run(&[&["train", FIRST, "--output", MODEL][..], &SIZE].concat());
