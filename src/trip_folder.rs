@@ -29,7 +29,8 @@ impl Destination {
     /// Where a trip goes that begins at a time: a path at which nothing is yet.
     ///
     /// * `at_ns` — since the epoch
-    pub(crate) fn path_at(&self, at_ns: i64) -> Result<PathBuf, Failure> {
+    /// * `being_recorded` — a trip that will be at its path only when it has ended, if there is one
+    pub(crate) fn path_at(&self, at_ns: i64, being_recorded: Option<&Path>) -> Result<PathBuf, Failure> {
         let taken = |path: &Path| {
             Failure::CouldNot(format!(
                 "cannot record into {}: it is there already; choose another name",
@@ -44,7 +45,9 @@ impl Destination {
         let names = std::iter::once(format!("{prefix}{time}.mcap"))
             .chain((2..1000).map(|n| format!("{prefix}{time}-{n}.mcap")));
         let mut paths = names.map(|name| self.output.join(name));
-        paths.find(|path| !path.exists()).ok_or_else(|| taken(&self.output))
+        paths
+            .find(|path| !path.exists() && Some(&**path) != being_recorded)
+            .ok_or_else(|| taken(&self.output))
     }
 
     /// Removes the sensor's oldest trips in the folder, by the times in their names, and what killed recorders left of them.
@@ -146,8 +149,11 @@ mod tests {
             (4_107_542_400, "2100-03-01T00-00-00Z"),
         ] {
             for number in ["", "-2", "-3"] {
-                let path = trips.path_at(at_s * 1_000_000_000).unwrap();
+                let path = trips.path_at(at_s * 1_000_000_000, None).unwrap();
                 assert_eq!(path, folder.path().join(format!("crunch-ring-{time}{number}.mcap")));
+                // Until it has ended, a trip that is being recorded is not at its path.
+                let next = trips.path_at(at_s * 1_000_000_000, Some(&path)).unwrap();
+                assert!(next != path && !next.exists());
                 std::fs::write(path, "").unwrap();
             }
         }

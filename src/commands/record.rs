@@ -47,7 +47,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     let topics = topics_of(&sensors)?;
     let stop = stop::on_signals()?;
     let supervisor = Supervisor::from_environment();
-    let trip = Recording::begin(destination.path_at(ns_since_epoch())?, sensors.iter().len())?;
+    let trip = Recording::begin(destination.path_at(ns_since_epoch(), None)?, sensors.iter().len())?;
     let node = Node::open(&arguments.domain.domain(), "kinds-record")?;
     let sources = sensors.iter().zip(topics).map(|(sensor, topics)| Source::open(&node, sensor, topics));
     let sources: Vec<Source> = sources.collect::<Result<_, Failure>>()?;
@@ -294,7 +294,8 @@ impl Recorder {
     }
 
     fn begin_another_trip(&mut self) -> Result<(), Failure> {
-        let next = Recording::begin(self.destination.path_at(ns_since_epoch())?, self.sources.len())?;
+        let path = self.destination.path_at(ns_since_epoch(), Some(&self.trip.path))?;
+        let next = Recording::begin(path, self.sources.len())?;
         let ended = std::mem::replace(&mut self.trip, next);
         self.n_trips_ended += 1;
         mention(ended.end(&self.sources)?)?;
