@@ -295,7 +295,8 @@ fn trips(robot: &Robot) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(robot.path(TRIPS)).unwrap().map(|entry| entry.unwrap().path());
     let mut trips: Vec<_> =
         entries.filter(|path| path.extension().is_some_and(|end| end == "mcap")).collect();
-    trips.sort();
+    // Of two that began in one second the second has a number behind the time.
+    trips.sort_by_key(|path| path.with_extension(""));
     trips
 }
 
