@@ -2,9 +2,7 @@
 
 use std::collections::VecDeque;
 
-use kinds_messages::KindReport;
-
-use crate::spell::Spell;
+use kinds_messages::{KindReport, Spell};
 
 /// What came over the link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -24,7 +24,6 @@ mod held;
 mod link;
 mod near;
 mod outbox;
-mod spell;
 #[cfg(test)]
 mod tests;
 

@@ -4,7 +4,7 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use kinds_messages::{KindReport, Node, ReportReader, SensorName, monotonic_ns};
+use kinds_messages::{KindReport, Node, ReportReader, SensorName, Spell, monotonic_ns};
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
@@ -13,7 +13,6 @@ use zenoh::qos::CongestionControl;
 use crate::held::Held;
 use crate::link::{Link, key};
 use crate::outbox::Outbox;
-use crate::spell::Spell;
 use crate::{BridgeError, Endpoint, TICK, TURN_PERIOD};
 
 /// How long what waits is still sent after somebody has said that it is enough.

@@ -23,7 +23,6 @@ mod paced;
 mod sensor;
 mod shim;
 pub mod simulated;
-mod tally;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]

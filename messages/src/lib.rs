@@ -58,6 +58,7 @@ mod reload_messages;
 mod reloads;
 mod report_bytes;
 mod reports;
+mod spell;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -88,4 +89,5 @@ pub use reload_messages::{ReloadAnswer, ReloadRequest};
 pub use reloads::{ReloadAsker, ReloadDesk};
 pub use report_bytes::ForeignReport;
 pub use reports::{HeldReport, ReportPublisher, ReportReader, ServiceId};
+pub use spell::Spell;
 pub use user::user_name;

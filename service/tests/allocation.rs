@@ -2,8 +2,7 @@
 //! allocator counts for all tests of one.
 #![allow(unsafe_code, reason = "an allocator that counts")]
 
-#[path = "../../model/tests/waves/mod.rs"]
-mod waves;
+mod trained;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -14,13 +13,10 @@ use kinds_messages::{
     FrameHeader, FramePublisher, FrameReader, HealthPublisher, HealthReader, KindReport, Node, OwnDomain,
     ReportPublisher, ReportReader, ReportStatus, Waiting, WakeUp,
 };
-use kinds_model::{
-    Classification, Classifier, Command, EmPlan, Filter, FitPlan, MedianFilter, ModelId, Origin,
-    ResponsePlan, Scale, SensorLayout, fit,
-};
+use kinds_model::{Classification, Classifier, Command, Filter, MedianFilter, ModelId, SensorLayout};
 use kinds_service::{Classify, Service};
 
-use crate::waves::trip;
+use crate::trained::{LOAN_BYTES, N_FRAMES, classifier, trip};
 
 /// The system's allocator, which counts.
 struct Counting {
@@ -62,9 +58,8 @@ struct Taken {
 
 const NOTHING: Taken = Taken { n_allocated: 0, bytes_allocated: 0, bytes_freed: 0 };
 
-/// What iceoryx2 does for a loan, whichever it is: a counted reference to the publisher and to the slot, on the heap, until
-/// the loan is sent.
-const A_LOAN: Taken = Taken { n_allocated: 1, bytes_allocated: 48, bytes_freed: 48 };
+/// What the transport does for a loan, whichever it is.
+const A_LOAN: Taken = Taken { n_allocated: 1, bytes_allocated: LOAN_BYTES, bytes_freed: LOAN_BYTES };
 
 impl Taken {
     fn so_far() -> Self {
@@ -136,21 +131,6 @@ impl Classify for Noting {
         self.answered.store(Taken::so_far().n_allocated, Ordering::Relaxed);
         classification
     }
-}
-
-const N_FRAMES: usize = 300;
-
-fn classifier(sensor: SensorLayout) -> Classifier {
-    let plan = FitPlan {
-        n_neighbors: Some(10),
-        n_landmarks: 100,
-        n_dims: Some(5),
-        n_kinds: Some(3),
-        em: EmPlan { n_starts: 1, ..EmPlan::new(0) },
-        ..FitPlan::new(sensor, ResponsePlan::new(Scale::Inverse, 20.0), 0)
-    };
-    let model = fit(trip(sensor, N_FRAMES), &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
-    Classifier::new(Arc::new(model))
 }
 
 #[test]

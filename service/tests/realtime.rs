@@ -5,8 +5,7 @@
 #![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
 
 #[cfg(rtsan)]
-#[path = "../../model/tests/waves/mod.rs"]
-mod waves;
+mod trained;
 
 #[cfg(not(rtsan))]
 #[test]
@@ -21,14 +20,13 @@ mod sanitized {
     use std::fs::File;
     use std::hint::black_box;
     use std::process::Command;
-    use std::sync::Arc;
     use std::sync::atomic::AtomicBool;
 
     use kinds_messages::{FrameHeader, FramePublisher, Node, OwnDomain, ReportReader, ReportStatus, Waiting};
-    use kinds_model::{Classifier, EmPlan, FitPlan, Origin, ResponsePlan, Scale, SensorLayout, fit};
+    use kinds_model::SensorLayout;
     use kinds_service::Service;
 
-    use crate::waves::trip;
+    use crate::trained::{LOAN_BYTES, N_FRAMES, classifier, trip};
 
     // SAFETY: these are the sanitizer's, and take nothing.
     unsafe extern "C" {
@@ -51,9 +49,6 @@ mod sanitized {
         done
     }
 
-    /// What the transport takes for the loan of the next report, and gives back: see ARCHITECTURE.md.
-    const A_LOAN: usize = 48;
-
     /// The system's allocator, of which the transport may have that one piece.
     struct But;
 
@@ -62,7 +57,7 @@ mod sanitized {
 
     /// Does something that is not looked at, if it is for a loan.
     fn unseen<T>(layout: Layout, act: impl FnOnce() -> T) -> T {
-        if layout.size() != A_LOAN || !IS_WATCHED.get() {
+        if layout.size() != LOAN_BYTES || !IS_WATCHED.get() {
             return act();
         }
         __rtsan_realtime_exit();
@@ -84,19 +79,6 @@ mod sanitized {
         }
     }
 
-    fn classifier(sensor: SensorLayout) -> Classifier {
-        let plan = FitPlan {
-            n_neighbors: Some(10),
-            n_landmarks: 100,
-            n_dims: Some(5),
-            n_kinds: Some(3),
-            em: EmPlan { n_starts: 1, ..EmPlan::new(0) },
-            ..FitPlan::new(sensor, ResponsePlan::new(Scale::Inverse, 20.0), 0)
-        };
-        let model = fit(trip(sensor, 300), &plan, Origin::default(), &mut |_, _, _| ()).unwrap();
-        Classifier::new(Arc::new(model))
-    }
-
     #[test]
     fn a_service_that_polls_never_waits_between_a_frame_and_its_report() {
         __rtsan_init();
@@ -110,7 +92,7 @@ mod sanitized {
             let reports = ReportReader::open_with(&node, &name, Waiting::Polling).unwrap();
             let shim = FramePublisher::create(&node, &name, sensor.n_readings()).unwrap();
             let stop = AtomicBool::new(true);
-            let trip = trip(sensor, 300);
+            let trip = trip(sensor, N_FRAMES);
             for (sequence, counts) in (0..).zip(trip.chunks_exact(sensor.n_readings())) {
                 let header = FrameHeader {
                     run: 7,

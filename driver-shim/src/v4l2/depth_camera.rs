@@ -6,6 +6,7 @@ use std::io;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use kinds_messages::Spell;
 use kinds_trips::FrameLayout;
 
 use super::address::CameraAddress;
@@ -15,7 +16,6 @@ use super::numbering::Numbering;
 use super::stream::{Picture, State, Stream};
 use super::video_device::VideoDevice;
 use crate::layout::{self, LayoutError};
-use crate::tally::Tally;
 use crate::{Capture, NumberedFrame, Reading, Sensor, SensorError};
 
 /// Between two looks whether the device is back.
@@ -36,8 +36,8 @@ pub struct DepthCamera {
     told: Option<CameraError>,
     told_remark: bool,
     numbering: Numbering,
-    damaged: Tally,
-    short: Tally,
+    damaged: Spell,
+    short: Spell,
     news: VecDeque<String>,
 }
 
@@ -80,8 +80,8 @@ impl DepthCamera {
             told: None,
             told_remark: false,
             numbering: Numbering::default(),
-            damaged: Tally::default(),
-            short: Tally::default(),
+            damaged: Spell::default(),
+            short: Spell::default(),
             news: VecDeque::new(),
         })
     }
@@ -159,8 +159,8 @@ impl DepthCamera {
             }
             State::Whole => {}
         }
-        for (tally, what) in [(&mut self.damaged, "damaged"), (&mut self.short, "short")] {
-            if let Some(n) = tally.frame_came() {
+        for (spell, what) in [(&mut self.damaged, "damaged"), (&mut self.short, "short")] {
+            if let Some(n) = spell.calm() {
                 self.news
                     .push_back(format!("frames come as they should again; {n} {what} ones were left out"));
             }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use crate::tally::Tally;
+use kinds_messages::Spell;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trouble {
@@ -45,7 +45,7 @@ impl fmt::Display for LeftOut {
 
 #[derive(Default)]
 pub(crate) struct Troubles {
-    tallies: [Tally; N_TROUBLES],
+    spells: [Spell; N_TROUBLES],
     news: VecDeque<String>,
 }
 
@@ -64,7 +64,7 @@ impl Troubles {
 
     /// As [`Self::count`], with words of one's own for its beginning.
     pub(crate) fn count_as(&mut self, trouble: Trouble, n: usize, words: impl FnOnce() -> String) {
-        if self.tallies[trouble as usize].count(n as u64) {
+        if self.spells[trouble as usize].count(n as u64) {
             self.news.push_back(words());
         }
     }
@@ -72,8 +72,8 @@ impl Troubles {
     /// A whole frame has come.
     pub(crate) fn frame_came(&mut self) {
         let what = ["bytes", "parts of another layout", "frames that lacked a part", "late parts"];
-        for (tally, what) in self.tallies.iter_mut().zip(what) {
-            if let Some(n) = tally.frame_came() {
+        for (spell, what) in self.spells.iter_mut().zip(what) {
+            if let Some(n) = spell.calm() {
                 self.news.push_back(format!("frames come as they should again; {n} {what} were left out"));
             }
         }
@@ -90,7 +90,7 @@ impl Troubles {
     }
 
     pub(crate) fn left_out(&self) -> LeftOut {
-        let n = |trouble: Trouble| self.tallies[trouble as usize].n();
+        let n = |trouble: Trouble| self.spells[trouble as usize].n();
         LeftOut {
             n_noise_bytes: n(Trouble::Noise),
             n_foreign_parts: n(Trouble::Foreign),
