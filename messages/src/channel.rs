@@ -2,6 +2,7 @@
 
 use std::fmt::Debug;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::listener::{Listener, ListenerWaitError};
@@ -11,6 +12,7 @@ use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::event::PortFactory as Events;
 
 use crate::error::Obstacle;
+use crate::sweeper::Sweeper;
 use crate::{ChannelError, Node, SensorName, half_made};
 
 /// Most programs that read a sensor's frames at one time.
@@ -156,11 +158,15 @@ pub(crate) struct Channel {
     pub(crate) sensor: SensorName,
     pub(crate) purpose: Purpose,
     pub(crate) root: PathBuf,
+    /// Sweeps until the channel's ends are closed, which may have to wait as well.
+    #[expect(dead_code, reason = "held, and never asked")]
+    pub(crate) sweeper: Option<Arc<Sweeper>>,
 }
 
 impl Channel {
     pub(crate) fn new(node: &Node, sensor: &SensorName, purpose: Purpose) -> Self {
-        Self { sensor: sensor.clone(), purpose, root: node.domain.root.clone() }
+        let (root, sweeper) = (node.domain.root.clone(), node.sweeper.clone());
+        Self { sensor: sensor.clone(), purpose, root, sweeper }
     }
 
     pub(crate) fn name(&self) -> String {

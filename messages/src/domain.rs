@@ -66,11 +66,7 @@ impl Domain {
 
     /// Removes every file of the domain from shared memory, whoever may use it.
     fn clear_shared_memory(&self) -> std::io::Result<()> {
-        let is_remains = |entry: &DirEntry| entry.file_name().to_string_lossy().starts_with(&self.prefix);
-        for entry in std::fs::read_dir(SHARED_MEMORY)?.flatten().filter(is_remains) {
-            std::fs::remove_file(entry.path())?;
-        }
-        Ok(())
+        self.shared_files()?.iter().try_for_each(std::fs::remove_file)
     }
 
     /// Removes the domain, with its root folder and all that is in it, unless programs are in it. Returns whether it is
@@ -112,6 +108,13 @@ impl Domain {
         };
         let files = std::fs::read_dir(self.root.join("services")).into_iter().flatten().flatten();
         files.filter(is_service).map(|file| file.path()).collect()
+    }
+
+    /// All that the domain has in shared memory.
+    pub(crate) fn shared_files(&self) -> std::io::Result<Vec<PathBuf>> {
+        let is_ours = |file: &DirEntry| file.file_name().as_bytes().starts_with(self.prefix.as_bytes());
+        let files = std::fs::read_dir(SHARED_MEMORY)?.flatten();
+        Ok(files.filter(is_ours).map(|file| file.path()).collect())
     }
 
     /// The transport's configuration for this domain. Passing one keeps it from looking for configuration files.

@@ -59,6 +59,7 @@ mod reloads;
 mod report_bytes;
 mod reports;
 mod spell;
+mod sweeper;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]

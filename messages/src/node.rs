@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Write as _;
 use std::os::fd::AsRawFd as _;
 use std::rc::Rc;
-use std::sync::Once;
+use std::sync::{Arc, Once};
 
 use iceoryx2::config::Config;
 use iceoryx2::prelude::{
@@ -13,6 +13,7 @@ use iceoryx2::prelude::{
 use rustix::fs::{MemfdFlags, memfd_create};
 use tracing::level_filters::LevelFilter;
 
+use crate::sweeper::Sweeper;
 use crate::user::check_owner_of;
 use crate::{ChannelError, Domain};
 
@@ -23,6 +24,8 @@ use crate::{ChannelError, Domain};
 pub struct Node {
     pub(crate) inner: Rc<iceoryx2::node::Node<ipc::Service>>,
     pub(crate) domain: Domain,
+    /// After the node: to leave may mean to wait for what a killed program left half made. None where all stays as it is.
+    pub(crate) sweeper: Option<Arc<Sweeper>>,
 }
 
 impl Node {
@@ -34,7 +37,10 @@ impl Node {
     /// If the domain is no place for channels, another user's, or none can be made there.
     pub fn open(domain: &Domain, process_name: &str) -> Result<Self, ChannelError> {
         check_owner_of(&domain.root)?;
-        let node = Self::join(domain, &domain.config()?, process_name)?;
+        let config = domain.config()?;
+        // Before all else: to join may mean to wait as well.
+        let sweeper = Some(Arc::new(Sweeper::of(domain)));
+        let node = Self::join(domain, &config, sweeper, process_name)?;
         node.clean_up_dead_nodes();
         Ok(node)
     }
@@ -45,10 +51,15 @@ impl Node {
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
-        Self::join(domain, &config, process_name)
+        Self::join(domain, &config, None, process_name)
     }
 
-    fn join(domain: &Domain, config: &Config, process_name: &str) -> Result<Self, ChannelError> {
+    fn join(
+        domain: &Domain,
+        config: &Config,
+        sweeper: Option<Arc<Sweeper>>,
+        process_name: &str,
+    ) -> Result<Self, ChannelError> {
         let name = NodeName::new(process_name).map_err(|_| ChannelError::ProcessName {
             name: process_name.to_owned(),
             limit: NodeName::max_len(),
@@ -61,7 +72,7 @@ impl Node {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
             .map_err(|error| ChannelError::node(error, domain))?;
-        Ok(Self { inner: Rc::new(inner), domain: domain.clone() })
+        Ok(Self { inner: Rc::new(inner), domain: domain.clone(), sweeper })
     }
 
     /// Removes what killed programs left behind in this domain, and returns how many there were.

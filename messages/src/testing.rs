@@ -1,7 +1,6 @@
 //! What tests need: a view of a domain's and of this process's memory.
 
 use std::ops::Range;
-use std::path::PathBuf;
 
 use crate::channel::{Channel, Purpose};
 use crate::{Domain, FrameHeader};
@@ -36,20 +35,17 @@ pub(crate) fn layout_of(name: &str) -> String {
 
 /// A channel of frames in a domain.
 pub(crate) fn frames_channel(domain: &Domain, sensor: &str) -> Channel {
-    Channel { sensor: sensor.parse().unwrap(), purpose: Purpose::Frames, root: domain.root.clone() }
+    Channel {
+        sensor: sensor.parse().unwrap(),
+        purpose: Purpose::Frames,
+        root: domain.root.clone(),
+        sweeper: None,
+    }
 }
 
 /// Size of everything that a domain has in shared memory.
 pub(crate) fn shared_memory_bytes(domain: &Domain) -> u64 {
-    shared_files(domain).iter().map(|path| std::fs::metadata(path).unwrap().len()).sum()
-}
-
-fn shared_files(domain: &Domain) -> Vec<PathBuf> {
-    std::fs::read_dir("/dev/shm")
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .filter(|path| path.file_name().unwrap().to_string_lossy().starts_with(&domain.prefix))
-        .collect()
+    domain.shared_files().unwrap().iter().map(|path| std::fs::metadata(path).unwrap().len()).sum()
 }
 
 /// A header by which a test tells its frames apart.
