@@ -20,6 +20,8 @@
 
 mod covariance;
 pub mod dirichlet;
+mod known;
+mod over_time;
 mod starts;
 mod steps;
 
@@ -28,6 +30,8 @@ use serde::{Deserialize, Serialize};
 
 use self::covariance::Constraint;
 pub use self::covariance::Covariance;
+pub(crate) use self::known::fit_from_known;
+pub(crate) use self::over_time::fit_over_time;
 use self::starts::Starts;
 pub use self::starts::StartsOn;
 use self::steps::{Blocks, expect, maximise, mean_and_covariance};
@@ -53,6 +57,9 @@ pub struct EmPlan {
     /// Least variance of a kind in any direction, as a share of the mean variance of all frames. The units of an
     /// embedding are whatever the sensor's are, so an absolute floor would mean nothing.
     pub covariance_floor: f64,
+    /// Whether a frame's kind is then looked for given all frames of its trip, since trips are slow.
+    #[serde(default)]
+    pub over_time: bool,
     /// Seed of the starts.
     pub seed: u64,
 }
@@ -68,6 +75,7 @@ impl EmPlan {
             n_iterations_max: 1000,
             tolerance: 1e-7,
             covariance_floor: 1e-3,
+            over_time: false,
             seed,
         }
     }

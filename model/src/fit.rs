@@ -10,7 +10,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 pub use self::error::FitError;
-use self::kinds::{Kinds, find_kinds, posteriors};
+use self::kinds::{Kinds, Known, find_kinds, posteriors};
 pub use self::update::{KindChange, Updated, update};
 
 use crate::command::{
@@ -185,7 +185,7 @@ pub fn fit_stream<E: Send>(
         stream.commands = Some((*scale, &commands.of_frames));
     }
     let provenance = Provenance { origin, ..made_here() };
-    fit_source(Source::Stream(stream), comparison, scale, plan, provenance, progress)
+    fit_source(Source::Stream(stream), comparison, scale, plan, provenance, None, progress)
 }
 
 /// Fits a model that keeps all frames.
@@ -218,7 +218,7 @@ fn fit_all<E: Send>(
         None => (Frames::new(n_compared, counts), None),
     };
     let provenance = Provenance { origin, ..made_here() };
-    fit_source(Source::All(trained, features), comparison, scale, plan, provenance, progress)
+    fit_source(Source::All(trained, features), comparison, scale, plan, provenance, None, progress)
 }
 
 fn response_of(plan: &FitPlan) -> Result<Response, FitError> {
@@ -310,7 +310,8 @@ pub fn refit(model: &Model, method: Method, size: Size, progress: &mut Progress)
     let plan = FitPlan { method, n_neighbors, n_dims, n_kinds, ..plan.clone() };
     let provenance = Provenance { origin: provenance.origin.clone(), ..made_here() };
     let (source, comparison) = (Source::<Infallible>::Model(model), model.comparison.clone());
-    fit_source(source, comparison, *commands, &plan, provenance, progress).map_err(StreamError::of_fitting)
+    fit_source(source, comparison, *commands, &plan, provenance, None, progress)
+        .map_err(StreamError::of_fitting)
 }
 
 fn fit_source<E: Send>(
@@ -319,6 +320,7 @@ fn fit_source<E: Send>(
     commands: Option<CommandScale>,
     plan: &FitPlan,
     mut provenance: Provenance,
+    known: Option<&Known>,
     progress: &mut Progress,
 ) -> Result<Model, StreamError<E>> {
     let n_trained = source.n_trained();
@@ -341,7 +343,7 @@ fn fit_source<E: Send>(
     } = located?;
     let (n_frames, n_dims) = (frames.n_frames(), coordinates.len() / n_trained);
     let Kinds { mixture, persistence, merges } =
-        find_kinds(&coordinates, n_dims, plan, &mut provenance, progress)?;
+        find_kinds(&coordinates, n_dims, plan, known, &mut provenance, progress)?;
 
     let usual = Usual {
         manifold: Manifold {

@@ -9,7 +9,10 @@
 //! f_t(j) ∝ p(e_t | j) (s f_{t−1}(j) + (1 − s) α_j),   p(e_t | j) ∝ P(j | e_t) / α_j
 //! ```
 //!
-//! It has no delay: a frame that speaks clearly for another kind is believed at once, one that does not is taken for more of the same.
+//! [`smooth`] is its answer given the frames after one as well, for learning: that of s, and of kinds
+//! that are fitted with the knowledge that trips are slow ([`crate::em::fit_over_time`]).
+//!
+//! The filter has no delay: a frame that speaks clearly for another kind is believed at once, one that does not is taken for more of the same.
 //! After k frames that nobody saw, s becomes s^(k+1).
 
 use crate::mixture::most_probable;
@@ -55,6 +58,15 @@ impl Filter {
     /// # Panics
     /// If the posterior is not of as many kinds.
     pub fn take(&mut self, posterior: Option<&[f64]>, n_missed: u64) -> &[f64] {
+        self.pass(n_missed);
+        if let Some(posterior) = posterior {
+            weigh(&mut self.probabilities, posterior, &self.weights);
+        }
+        &self.probabilities
+    }
+
+    /// From the last frame to the next, before that is looked at.
+    fn pass(&mut self, n_missed: u64) {
         let kept = match n_missed {
             0 => self.persistence,
             _ => libm::pow(self.persistence, n_missed as f64 + 1.0),
@@ -62,10 +74,6 @@ impl Filter {
         for (probability, weight) in self.probabilities.iter_mut().zip(&self.weights) {
             *probability = kept * *probability + (1.0 - kept) * weight;
         }
-        if let Some(posterior) = posterior {
-            weigh(&mut self.probabilities, posterior, &self.weights);
-        }
-        &self.probabilities
     }
 
     /// f, shape `(n_kinds,)`.
@@ -84,8 +92,8 @@ fn evidence(posterior: f64, weight: f64) -> f64 {
     if weight > 0.0 { posterior / weight } else { 0.0 }
 }
 
-/// Weighs probabilities by what a frame says.
-fn weigh(probabilities: &mut [f64], posterior: &[f64], weights: &[f64]) {
+/// Weighs probabilities by what a frame says, and returns how likely that was, at any scale.
+fn weigh(probabilities: &mut [f64], posterior: &[f64], weights: &[f64]) -> f64 {
     assert_eq!(probabilities.len(), posterior.len(), "one probability for each kind");
     let mut sum = 0.0;
     for ((probability, &posterior), &weight) in probabilities.iter_mut().zip(posterior).zip(weights) {
@@ -98,6 +106,7 @@ fn weigh(probabilities: &mut [f64], posterior: &[f64], weights: &[f64]) {
     } else {
         probabilities.copy_from_slice(posterior);
     }
+    sum
 }
 
 /// Learns s from the frames that kinds were learnt from, by Baum–Welch for this one number: s is the expected share of frames whose
@@ -115,18 +124,10 @@ pub(crate) fn learn(posteriors: &[f64], weights: &[f64], trips: &[usize]) -> f64
     if n_kinds < N_KINDS_MIN || n_frames <= trips.len() {
         return 0.0;
     }
-    let highest = 1.0 - 1.0 / n_frames as f64;
-    let (mut persistence, mut forward) = (BEGIN.min(highest), vec![0.0; posteriors.len()]);
+    let mut persistence = BEGIN;
     for _ in 0..N_ITERATIONS_MAX {
-        let mut begin = 0;
-        let (mut n_kept, mut n_steps) = (0.0, 0);
-        for n_in_trip in trips {
-            let range = begin * n_kinds..(begin + n_in_trip) * n_kinds;
-            n_kept += n_kept_in(&posteriors[range.clone()], weights, persistence, &mut forward[range]);
-            n_steps += n_in_trip.saturating_sub(1);
-            begin += n_in_trip;
-        }
-        let learnt = (n_kept / n_steps as f64).min(highest);
+        let mut smoothed = posteriors.to_vec();
+        let learnt = smooth(persistence, weights, &mut smoothed, trips).persistence();
         let change = (learnt - persistence).abs();
         persistence = learnt;
         if change < TOLERANCE {
@@ -136,41 +137,103 @@ pub(crate) fn learn(posteriors: &[f64], weights: &[f64], trips: &[usize]) -> f64
     persistence
 }
 
-/// Expected number of frames in a trip whose kind was kept from the frame before.
-///
-/// * `posteriors` — shape `(n_frames, n_kinds)`
-/// * `forward` — of the same shape; overwritten
-fn n_kept_in(posteriors: &[f64], weights: &[f64], persistence: f64, forward: &mut [f64]) -> f64 {
-    let n_kinds = weights.len();
-    let mut filter = Filter::new(persistence, weights);
-    for (posterior, forward) in posteriors.chunks_exact(n_kinds).zip(forward.chunks_exact_mut(n_kinds)) {
-        forward.copy_from_slice(filter.take(Some(posterior), 0));
+/// What is expected of frames, given all of them.
+#[derive(Clone, Debug)]
+pub(crate) struct Expected {
+    n_frames: usize,
+    /// Frames that one of the same trip follows.
+    n_steps: usize,
+    /// Of those that follow one, how many kept its kind.
+    n_kept: f64,
+    /// Of all, how many had theirs drawn, for each kind, shape `(n_kinds,)`.
+    n_drawn: Vec<f64>,
+    /// ln likelihood, beyond that of the frames without time.
+    pub(crate) log_gain: f64,
+}
+
+impl Expected {
+    /// The likeliest s, at most such that one change is expected in all frames.
+    pub(crate) fn persistence(&self) -> f64 {
+        (self.n_kept / self.n_steps as f64).min(1.0 - 1.0 / self.n_frames as f64)
     }
-    let (mut n_kept, mut backward) = (0.0, vec![1.0; n_kinds]);
-    let before = forward.chunks_exact(n_kinds);
-    let steps = before.zip(posteriors.chunks_exact(n_kinds).skip(1));
-    for (before, posterior) in steps.rev() {
-        // What this frame and all after it say of a kind.
-        for ((backward, &posterior), &weight) in backward.iter_mut().zip(posterior).zip(weights) {
-            *backward *= evidence(posterior, weight);
+
+    /// The likeliest α, shape `(n_kinds,)`.
+    pub(crate) fn weights(&self) -> Vec<f64> {
+        let sum: f64 = self.n_drawn.iter().sum();
+        self.n_drawn.iter().map(|n| n / sum).collect()
+    }
+}
+
+/// Turns what each frame says by itself into what all frames of its trip say of it (Rabiner 1989, eq. 27).
+///
+/// * `persistence` — s
+/// * `weights` — α, shape `(n_kinds,)`
+/// * `posteriors` — of each frame by itself, shape `(n_frames, n_kinds)`; overwritten
+/// * `trips` — frames of each trip, in order
+pub(crate) fn smooth(persistence: f64, weights: &[f64], posteriors: &mut [f64], trips: &[usize]) -> Expected {
+    let n_kinds = weights.len();
+    let mut expected = Expected {
+        n_frames: posteriors.len() / n_kinds,
+        n_steps: trips.iter().map(|n_in_trip| n_in_trip.saturating_sub(1)).sum(),
+        n_kept: 0.0,
+        n_drawn: vec![0.0; n_kinds],
+        log_gain: 0.0,
+    };
+    let mut filter = Filter::new(persistence, weights);
+    let mut rest = posteriors;
+    for n_in_trip in trips {
+        let (trip, after) = rest.split_at_mut(n_in_trip * n_kinds);
+        filter.begin();
+        smooth_trip(&mut filter, trip, &mut expected);
+        rest = after;
+    }
+    expected
+}
+
+/// The same of one trip.
+fn smooth_trip(filter: &mut Filter, posteriors: &mut [f64], expected: &mut Expected) {
+    let n_kinds = filter.weights.len();
+    let mut forward = Vec::with_capacity(posteriors.len());
+    for posterior in posteriors.chunks_exact(n_kinds) {
+        filter.pass(0);
+        expected.log_gain += libm::log(weigh(&mut filter.probabilities, posterior, &filter.weights));
+        forward.extend_from_slice(&filter.probabilities);
+    }
+    let Filter { persistence, ref weights, .. } = *filter;
+    // What all frames after one say of its kind, and what they and the one itself say.
+    let (mut backward, mut said) = (vec![1.0; n_kinds], vec![0.0; n_kinds]);
+    let mut before = forward.chunks_exact(n_kinds).rev();
+    let mut of_frame = before.next();
+    for posterior in posteriors.chunks_exact_mut(n_kinds).rev() {
+        for (kind, said) in said.iter_mut().enumerate() {
+            *said = backward[kind] * evidence(posterior[kind], weights[kind]);
         }
+        posterior.copy_from_slice(of_frame.expect("as many frames forward as backward"));
+        posterior.iter_mut().zip(&backward).for_each(|(all, after)| *all *= after);
+        scale_to_one(posterior);
+        of_frame = before.next();
+        let Some(before) = of_frame else {
+            expected.n_drawn.iter_mut().zip(&*posterior).for_each(|(n, all)| *n += all);
+            return;
+        };
         let along = |probabilities: &[f64]| -> f64 {
-            probabilities.iter().zip(&backward).map(|(probability, backward)| probability * backward).sum()
+            probabilities.iter().zip(&said).map(|(p, said)| p * said).sum()
         };
         let (kept, drawn) = (persistence * along(before), (1.0 - persistence) * along(weights));
         if kept + drawn > 0.0 {
-            n_kept += kept / (kept + drawn);
+            expected.n_kept += kept / (kept + drawn);
+            for ((n, weight), said) in expected.n_drawn.iter_mut().zip(weights).zip(&said) {
+                *n += (1.0 - persistence) * weight * said / (kept + drawn);
+            }
         }
-        let sum: f64 = backward
-            .iter_mut()
-            .map(|backward| {
-                *backward = persistence * *backward + drawn;
-                *backward
-            })
-            .sum();
-        backward.iter_mut().for_each(|backward| *backward /= sum);
+        backward.iter_mut().zip(&said).for_each(|(backward, said)| *backward = persistence * said + drawn);
+        scale_to_one(&mut backward);
     }
-    n_kept
+}
+
+fn scale_to_one(numbers: &mut [f64]) {
+    let sum: f64 = numbers.iter().sum();
+    numbers.iter_mut().for_each(|number| *number /= sum);
 }
 
 #[cfg(test)]
@@ -265,20 +328,40 @@ mod tests {
         }
 
         #[test]
-        fn kept_kinds_are_counted_as_the_sum_over_all_sequences_says(
+        fn what_is_expected_given_all_frames_is_the_sum_over_all_sequences_of_kinds(
             (weights, frames) in frames(), persistence in 0.01..0.99_f64,
         ) {
-            let posteriors = frames.concat();
-            let found = n_kept_in(&posteriors, &weights, persistence, &mut vec![0.0; posteriors.len()]);
+            let mut smoothed = frames.concat();
+            let found = smooth(persistence, &weights, &mut smoothed, &[frames.len()]);
             let all = sequences(&weights, &frames, persistence);
             let sum: f64 = all.iter().map(|(_, probability)| probability).sum();
-            // Of two equal kinds that follow each other, the second was kept or drawn again.
-            let n_kept = |kinds: &[usize]| -> f64 {
-                let kept = |kind: usize| persistence / (persistence + (1.0 - persistence) * weights[kind]);
-                kinds.windows(2).filter(|pair| pair[0] == pair[1]).map(|pair| kept(pair[1])).sum()
+            prop_assert!((found.log_gain - sum.ln()).abs() < 1e-10);
+            let mean = |of_sequence: &dyn Fn(&[usize]) -> f64| -> f64 {
+                all.iter().map(|(kinds, probability)| probability * of_sequence(kinds)).sum::<f64>() / sum
             };
-            let expected = all.iter().map(|(kinds, probability)| probability * n_kept(kinds)).sum::<f64>() / sum;
-            prop_assert!((found - expected).abs() < 1e-10, "{} and {}", found, expected);
+            for (index, smoothed) in smoothed.chunks_exact(weights.len()).enumerate() {
+                for (kind, smoothed) in smoothed.iter().enumerate() {
+                    let expected = mean(&|kinds| f64::from(u8::from(kinds[index] == kind)));
+                    prop_assert!((smoothed - expected).abs() < 1e-12, "{} and {}", smoothed, expected);
+                }
+            }
+            // Of two equal kinds that follow each other, the second was kept or drawn again.
+            let kept = |kind: usize| persistence / (persistence + (1.0 - persistence) * weights[kind]);
+            let n_kept = mean(&|kinds| {
+                kinds.windows(2).filter(|pair| pair[0] == pair[1]).map(|pair| kept(pair[1])).sum()
+            });
+            prop_assert!((found.n_kept - n_kept).abs() < 1e-10, "{} and {}", found.n_kept, n_kept);
+            for (drawn, n_found) in found.n_drawn.iter().enumerate() {
+                let n_drawn = mean(&|kinds| {
+                    let of_pair = |pair: &[usize]| match (pair[1] == drawn, pair[0] == pair[1]) {
+                        (false, _) => 0.0,
+                        (true, false) => 1.0,
+                        (true, true) => 1.0 - kept(drawn),
+                    };
+                    f64::from(u8::from(kinds[0] == drawn)) + kinds.windows(2).map(of_pair).sum::<f64>()
+                });
+                prop_assert!((n_found - n_drawn).abs() < 1e-10, "{} and {}", n_found, n_drawn);
+            }
         }
     }
 

@@ -91,6 +91,9 @@ pub(crate) struct TrainArguments {
     /// Least variance of a kind in any direction, as a share of the mean variance [default: 0.001]
     #[arg(long, value_name = "SHARE")]
     covariance_floor: Option<f64>,
+    /// Fit the kinds with the knowledge that frames which follow each other are mostly of one kind
+    #[arg(long)]
+    over_time: bool,
     /// Seed of everything random [default: 0]
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -156,6 +159,7 @@ impl TrainArguments {
                 StartsOnName::Both => StartsOn::Both,
             }),
             covariance_floor: self.covariance_floor,
+            over_time: self.over_time.then_some(true),
             seed: self.seed,
             metres_per_count: self.reading.metres_per_count,
             frames_topic: self.reading.frames_topic.clone(),

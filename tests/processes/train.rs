@@ -29,7 +29,7 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
         "config.ron",
         "// Everything that there is.\n(response: log, range_m_max: 5.0, invalid_range_m: 4.5, offset_m: 0.2, metric: rings(2), method: \
          pca, frames: 80, neighbors: 7, consecutive_edges: true, landmarks: \"75%\", landmark_choice: farthest, dims: 3, kinds: 4, covariance: \
-         tied, starts: 2, starts_on: both, covariance_floor: 0.01, seed: 3, \
+         tied, starts: 2, starts_on: both, covariance_floor: 0.01, over_time: true, seed: 3, \
          metres_per_count: 0.002, frames_topic: \"/ring\", poses_topic: \"/odom\")",
     );
     robot.succeed(&["train", FIRST, "--output", "file.kinds", "--config", "config.ron"]);
@@ -38,7 +38,7 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
         "--response", "log", "--range-m-max", "5", "--invalid-range-m", "4.5", "--offset-m", "0.2", "--metric", "rings:2", "--method", "pca",
         "--frames", "80", "--neighbors", "7", "--consecutive-edges", "--landmarks", "75%", "--landmark-choice", "farthest", "--dims", "3", "--kinds", "4",
         "--covariance", "tied", "--starts", "2", "--starts-on", "both",
-        "--covariance-floor", "0.01", "--seed", "3", "--metres-per-count", "0.002", "--frames-topic", "/ring",
+        "--covariance-floor", "0.01", "--over-time", "--seed", "3", "--metres-per-count", "0.002", "--frames-topic", "/ring",
         "--poses-topic", "/odom",
     ];
     robot.succeed(&[&["train", FIRST, "--output", "flags.kinds"][..], &flags].concat());

@@ -68,6 +68,8 @@ pub struct Config {
     pub starts_on: Option<StartsOn>,
     /// Least variance of a kind in any direction, share of the mean variance, above 0 and below 1. Default: 0.001.
     pub covariance_floor: Option<f64>,
+    /// Whether kinds are fitted with the knowledge that frames which follow each other are mostly of one kind. Default: false.
+    pub over_time: Option<bool>,
     /// Seed of landmarks and mixture. Default: 0.
     pub seed: Option<u64>,
     /// Metres per count that readings are stored in, above 0. Default: 0.001.
@@ -206,6 +208,7 @@ impl Config {
             starts: over.starts.or(self.starts),
             starts_on: over.starts_on.or(self.starts_on),
             covariance_floor: over.covariance_floor.or(self.covariance_floor),
+            over_time: over.over_time.or(self.over_time),
             seed: over.seed.or(self.seed),
             metres_per_count: over.metres_per_count.or(self.metres_per_count),
             frames_topic: over.frames_topic.or(self.frames_topic),
@@ -354,6 +357,7 @@ impl Config {
                 n_starts: self.starts.unwrap_or(em.n_starts),
                 starts_on: self.starts_on.unwrap_or(em.starts_on),
                 covariance_floor: self.covariance_floor.unwrap_or(em.covariance_floor),
+                over_time: self.over_time.unwrap_or(em.over_time),
                 ..em
             },
             seed,

@@ -6,6 +6,9 @@
 //! maps what it is served. So scale, directions and weights of commands stay the model's, every old frame counts for one, and
 //! all that depends on time (independent frames, persistence) sees the old trips as far as the model covers them.
 //!
+//! Kinds begin as the model has them: each frame is of the kind that the model says, and those that it calls novel may make new ones.
+//! Fitted afresh, more frames make more kinds, and few of them those that somebody has named.
+//!
 //! All else is the model's plan again: what it was told stays, and what it left to the evidence is left to that of all trips.
 
 use std::sync::Arc;
@@ -13,7 +16,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::{
-    FitError, Progress, Step, check_counts, check_room, extractor_of, fit_source, made_here, posteriors,
+    FitError, Known, Progress, Step, check_counts, check_room, extractor_of, fit_source, made_here,
+    posteriors,
 };
 use crate::classify::{Classification, Classifier};
 use crate::command::Command;
@@ -87,10 +91,13 @@ pub fn update<E: Send>(
     check_room(&plan, n_trained, model.frames().n_columns())?;
     let provenance = Provenance { origin: joined(model, origin, source.n_frames()), ..made_here() };
     let (comparison, scale) = (model.comparison.clone(), model.commands().copied());
+    let known = Known {
+        n_kinds: model.mixture().n_kinds(),
+        probabilities: known(model, source, commands, progress).map_err(StreamError::Read)?,
+    };
     let stream = Source::Stream(after(model, source, commands)?);
-    let mut updated = fit_source(stream, comparison, scale, &plan, provenance, progress)?;
-    let before = known(model, source, commands, progress).map_err(StreamError::Read)?;
-    let changes = renumber(&mut updated, model, &before);
+    let mut updated = fit_source(stream, comparison, scale, &plan, provenance, Some(&known), progress)?;
+    let changes = renumber(&mut updated, model, &known.probabilities);
     updated.id = crate::file::id_of(&updated);
     Ok(Updated { model: updated, changes })
 }

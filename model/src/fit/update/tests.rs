@@ -126,6 +126,19 @@ fn the_old_trips_count_for_all_that_their_reference_frames_stand_for() {
 }
 
 #[test]
+fn where_the_number_is_left_to_the_evidence_a_new_place_makes_one_more_kind_and_a_known_one_none() {
+    let mut model = learnt(&[0, 1, 2, 1, 0, 2], 2000);
+    model.manifest.plan.n_kinds = None;
+    let Updated { model: again, .. } = further(&model, &[2, 0, 1, 2, 0, 1], 1);
+    assert_eq!((again.register(), &numbers(&again)[..3]), (model.register(), &numbers(&model)[..3]));
+    let Updated { model: more, changes } = further(&model, &[0, 3, 1, 3], 1);
+    assert_eq!(numbers(&more)[..4], [&numbers(&model)[..3], &[3]].concat());
+    let agreements: Vec<Option<f64>> = changes.iter().map(|change| change.agreement).collect();
+    assert!(agreements[..3].iter().all(|agreement| agreement.is_some_and(|agreement| agreement > 0.99)));
+    assert_eq!(agreements[3..], [None]);
+}
+
+#[test]
 fn new_kinds_get_numbers_that_none_had_and_lost_ones_are_never_given_again() {
     let mut model = learnt(&[0, 1, 2, 1, 0, 2], 2000);
     let doorway = numbers(&model)[1];
