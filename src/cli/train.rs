@@ -159,6 +159,7 @@ impl TrainArguments {
             seed: self.seed,
             metres_per_count: self.reading.metres_per_count,
             frames_topic: self.reading.frames_topic.clone(),
+            tolerance_ms: self.reading.tolerance_ms,
             poses_topic: self.reading.poses_topic.clone(),
             commands_topic: self.reading.commands_topic.clone(),
             commands: CommandsConfig { weight: self.commands_weight },

@@ -1,5 +1,7 @@
 //! What a person says about training (RON or flags), and the checked plan that it becomes for a sensor.
 
+use std::time::Duration;
+
 use kinds_model::evidence::N_KINDS_TRIED_MAX;
 use kinds_model::{
     Covariance, EmPlan, FitPlan, KindsBy, LandmarkChoice, MedianPlan, Method, N_DIMS_MAX, N_KINDS_MAX,
@@ -72,8 +74,12 @@ pub struct Config {
     pub seed: Option<u64>,
     /// Metres per count that readings are stored in, above 0. Default: 0.001.
     pub metres_per_count: Option<f64>,
-    /// Topic of the frames. Default: the only one that fits.
+    /// Topic of the frames, or several whose frames are joined, with commas between them: the first leads. Default: the only one
+    /// that fits, or all single ranges.
     pub frames_topic: Option<String>,
+    /// Of several topics, how much older than the first one's frames those of the others may be, whole milliseconds.
+    /// Default: 250.
+    pub tolerance_ms: Option<u32>,
     /// Topic of the poses. Default: the only one that fits.
     pub poses_topic: Option<String>,
     /// Topic of the commands. Default: the only one that fits, and none of several.
@@ -209,6 +215,7 @@ impl Config {
             seed: over.seed.or(self.seed),
             metres_per_count: over.metres_per_count.or(self.metres_per_count),
             frames_topic: over.frames_topic.or(self.frames_topic),
+            tolerance_ms: over.tolerance_ms.or(self.tolerance_ms),
             poses_topic: over.poses_topic.or(self.poses_topic),
             commands_topic: over.commands_topic.or(self.commands_topic),
             commands: CommandsConfig { weight: over.commands.weight.or(self.commands.weight) },
@@ -300,6 +307,7 @@ impl Config {
         let usual = Selection::default();
         Selection {
             frames_topic: self.frames_topic.clone(),
+            tolerance: self.tolerance_ms.map_or(usual.tolerance, |ms| Duration::from_millis(ms.into())),
             poses_topic: self.poses_topic.clone(),
             commands_topic: self.commands_topic.clone(),
             metres_per_count: self.metres_per_count.unwrap_or(usual.metres_per_count),

@@ -112,13 +112,11 @@ pub enum TripError {
         /// The topic asked for.
         topic: Box<Topic>,
     },
-    /// Of several topics one gives whole frames.
-    #[error("{topic} in {} cannot be part of a frame, asked for with --frames-topic: of several topics each gives one range (sensor_msgs/msg/Range)", path.display())]
-    NotSingleRanges {
-        /// The trip's file.
-        path: PathBuf,
+    /// A topic would be joined with itself.
+    #[error("--frames-topic has {name} twice; name each topic once")]
+    TopicTwice {
         /// The topic.
-        topic: Box<Topic>,
+        name: String,
     },
     /// A message could not be read.
     #[error("message {number} on {topic} in {}: {fault}", path.display())]
