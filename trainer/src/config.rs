@@ -12,7 +12,7 @@ use serde::Deserialize;
 
 use crate::counts_seen::CountsSeen;
 use crate::landmark_number::LandmarkNumber;
-use crate::metric_choice::MetricChoice;
+use crate::metric_choice::{MetricChoice, PartsError};
 use crate::scale_choice::ScaleChoice;
 
 /// Training as a RON file says it. Every field may be left out; then the sensor and the trips decide.
@@ -35,8 +35,8 @@ pub struct Config {
     /// as principal components, which are at most 1000. Default: none, by the readings themselves.
     pub whitening: Option<WhiteningPlan>,
     /// How far apart frames are on that scale: `euclidean`; `Weighted([1, 1, 0.5])`, a weight of at least 0 for each reading;
-    /// `ring`, at the nearest turn, each row of the sensor being a ring; or `rings(2)`, where the readings are so many rings.
-    /// Default: euclidean.
+    /// `ring`, at the nearest turn, each row of the sensor being a ring; `rings(2)`, where the readings are so many rings; or
+    /// `parts([16, 19840])`, where those of so many readings each count alike. Default: euclidean.
     pub metric: Option<MetricChoice>,
     /// Most frames that the model keeps, at least 1. Of longer trips it keeps as many that cover them, and learns kinds from
     /// all. Default: 4000.
@@ -146,6 +146,9 @@ pub enum ConfigError {
         /// The shape asked for.
         covariance: Covariance,
     },
+    /// Parts that are not what the sensor consists of.
+    #[error(transparent)]
+    Parts(#[from] PartsError),
     /// A number outside its limits.
     #[error("{field} is {value}; it must be {limit}")]
     Limit {
@@ -342,7 +345,7 @@ impl Config {
                 _ => MedianPlan::Off,
             },
             whitening: self.whitening,
-            metric: self.metric.as_ref().map(|choice| choice.plan(sensor)).unwrap_or_default(),
+            metric: self.metric.as_ref().map(|choice| choice.plan(sensor)).transpose()?.unwrap_or_default(),
             n_frames_max,
             method: match self.method {
                 None | Some(MethodChoice::Isomap | MethodChoice::Both) => Method::Isomap,
