@@ -28,8 +28,8 @@
 //!
 //! Of several topics, such as rings of single ranges or two sensors of one robot, the first leads: each of its messages makes
 //! a frame, a row with the readings of all of them in the order in which they are named. [`Partner`] is the rule by which
-//! frames of the others belong to it, which is also that of sensors that are running. Where there is none, its readings are
-//! invalid, and [`TripReader::missing_partners`] counts it.
+//! frames of the others belong to it, which is also that of sensors that are running. Where there is none the frame is invalid
+//! (of a single range, only that reading), and [`TripReader::missing_partners`] counts it.
 //!
 //! # Poses come to frames
 //!
@@ -86,7 +86,7 @@ pub use command::Command;
 pub use error::{MessageFault, TripError, TripWriteError};
 pub use frame::{FrameInfo, FrameLayout};
 pub use info::{Choice, Gives, TopicInfo, TripInfo};
-pub use partner::{Partner, USUAL_TOLERANCE, counts_in_unit};
+pub use partner::{Partner, USUAL_TOLERANCE, counts_in_unit, join};
 pub use pose::Pose;
 pub use pose_track::{MAX_POSE_GAP_S, MAX_POSE_REACH_S};
 pub use reader::{Selection, TripReader};

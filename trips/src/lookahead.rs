@@ -19,7 +19,7 @@ use crate::counts::{INVALID, Unit};
 use crate::frame_message::{FrameHead, Range, quoted, read_frame, read_range};
 use crate::history::History;
 use crate::message::{read_command, read_pose};
-use crate::partner::Partner;
+use crate::partner::{Partner, join};
 use crate::pose_track::pose_at;
 use crate::record::Record;
 use crate::{Command, FrameInfo, FrameLayout, MessageFault, Pose, Stamp, TripError};
@@ -181,11 +181,11 @@ impl Lookahead {
         first.info
     }
 
-    /// For how many frames there was none near enough, of each topic of which that was so.
-    pub(crate) fn missing_partners(&self) -> Vec<(&str, u64)> {
-        let partners = self.topics.frames.0[1..].iter().zip(&self.n_missing);
-        let missing = partners.filter(|(_, n_missing)| **n_missing > 0);
-        missing.map(|((topic, _), n_missing)| (topic.name.as_str(), *n_missing)).collect()
+    /// For how many frames there was none near enough, of each topic of which that was so, and of what sort it is.
+    pub(crate) fn missing_partners(&self) -> impl Iterator<Item = (&str, u64, &Partner)> {
+        let partners = self.topics.frames.0[1..].iter().zip(&self.n_missing).zip(&self.around.partners);
+        let missing = partners.filter(|((_, n_missing), _)| **n_missing > 0);
+        missing.map(|(((topic, _), n_missing), partner)| (topic.name.as_str(), *n_missing, partner))
     }
 
     /// Takes in a frame of one of the topics.
@@ -271,11 +271,10 @@ impl Waiting {
         let at = self.info.captured;
         if self.awaits_partners && (at_last || around.partners.iter().all(|partner| partner.reaches(at))) {
             self.awaits_partners = false;
-            let mut end = self.counts.len();
-            for (partner, n_missing) in around.partners.iter().zip(n_missing).rev() {
-                let start = end - partner.n_readings();
-                *n_missing += u64::from(partner.write(at, &mut self.counts[start..end]).is_none());
-                end = start;
+            let n_joined: usize = around.partners.iter().map(Partner::n_readings).sum();
+            join(at, self.counts.len() - n_joined, around.partners.iter(), &mut self.counts);
+            for (partner, n_missing) in around.partners.iter().zip(n_missing) {
+                *n_missing += u64::from(partner.at(at).is_none());
             }
         }
         if self.awaits_pose && (at_last || around.poses.reaches(at)) {

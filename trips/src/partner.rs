@@ -6,6 +6,10 @@
 //! The rule looks at times of capture alone, in whatever order frames come; of two of one partner with the same time the later
 //! to come is taken.
 //!
+//! Where a partner has no such frame, the joint frame is invalid as a whole, unless that partner is a single reading, which then is
+//! invalid like any other reading of a ring. Readings of a whole sensor that are taken for invalid look like open space, which
+//! kinds are made of too: without Crunch's sonars all places became one kind, and 0.2 % of the frames were novel.
+//!
 //! A partner's frame that was captured more than the tolerance before one that came earlier shows that its clock was set back:
 //! what is later than that is of another time, and is forgotten.
 
@@ -100,17 +104,9 @@ impl Partner {
             .then(|| (captured, &self.counts[place * self.n_readings..][..self.n_readings]))
     }
 
-    /// Writes what belongs to a leader's frame, or that there is nothing: invalid readings. Returns when it was captured.
-    ///
-    /// # Panics
-    /// If `counts` is not `(n_readings,)`.
-    pub fn write(&self, led: Stamp, counts: &mut [u16]) -> Option<Stamp> {
-        let found = self.at(led);
-        match found {
-            Some((_, own)) => counts.copy_from_slice(own),
-            None => counts.fill(INVALID),
-        }
-        found.map(|(captured, _)| captured)
+    /// Whether a joint frame without one of this partner's says nothing.
+    pub fn is_indispensable(&self) -> bool {
+        self.n_readings > 1
     }
 
     /// Whether a frame might belong to a leader's: captured as that was or before, within the tolerance.
@@ -121,6 +117,32 @@ impl Partner {
     /// When the last frame that came was captured.
     pub fn latest(&self) -> Option<Stamp> {
         self.latest
+    }
+}
+
+/// Makes a joint frame of a leader's: writes what belongs to it behind its readings, or that all is invalid.
+///
+/// * `led` — when the leader's frame was captured
+/// * `counts` — the leader's `n_led` readings, and room for those of the partners, which is overwritten
+///
+/// # Panics
+/// If `counts` has not room for all.
+pub fn join<'a>(led: Stamp, n_led: usize, partners: impl Iterator<Item = &'a Partner>, counts: &mut [u16]) {
+    let mut is_valid = true;
+    let mut rest = &mut counts[n_led..];
+    for partner in partners {
+        let (part, others) = rest.split_at_mut(partner.n_readings);
+        match partner.at(led) {
+            Some((_, own)) => part.copy_from_slice(own),
+            None => {
+                part.fill(INVALID);
+                is_valid &= !partner.is_indispensable();
+            }
+        }
+        rest = others;
+    }
+    if !is_valid {
+        counts.fill(INVALID);
     }
 }
 

@@ -7,7 +7,7 @@ use crate::catalogue::{Catalogue, FrameTopics, Role, Topic, choose, choose_frame
 use crate::counts::Unit;
 use crate::frame_message::read_frame;
 use crate::lookahead::{Lookahead, Topics, encoding};
-use crate::partner::USUAL_TOLERANCE;
+use crate::partner::{Partner, USUAL_TOLERANCE};
 use crate::record::Record;
 use crate::recording::{End, Recording};
 use crate::{FrameInfo, FrameLayout, TripError, Truncation};
@@ -45,7 +45,7 @@ impl Default for Selection {
 ///
 /// Holds one chunk of the recording, at most 256 frames that wait for the pose and the command after them (and at most
 /// 32 MiB of these, but at least 4), the last 4096 poses and as many commands, and of each topic whose frames are joined with
-/// another's the last [`Partner::n_frames_max`](crate::Partner::n_frames_max), however long the trip.
+/// another's the last [`Partner::n_frames_max`], however long the trip.
 pub struct TripReader {
     recording: Recording,
     lookahead: Lookahead,
@@ -118,7 +118,7 @@ impl TripReader {
     /// How many frames were so far without one of another topic that is joined with them: none of it was captured at their
     /// time, or at most the tolerance before. By topic, without those of which that never was so.
     pub fn missing_partners(&self) -> Vec<(&str, u64)> {
-        self.lookahead.missing_partners()
+        self.lookahead.missing_partners().map(|(topic, n_missing, _)| (topic, n_missing)).collect()
     }
 
     /// The topic that poses come from, if the trip has one.
@@ -165,15 +165,18 @@ impl TripReader {
     /// What else is to be said of the trip once its end was reached: each a sentence that begins where its name ends.
     pub fn remarks(&self) -> Vec<String> {
         let n_frames = self.lookahead.n_frames();
-        let missing = |(topic, n_missing): (&str, u64)| {
+        let missing = |(topic, n_missing, partner): (&str, u64, &Partner)| {
+            let what = match partner.is_indispensable() {
+                true => "these are taken as invalid",
+                false => "there its reading is taken as invalid",
+            };
             format!(
-                "has no frame of {topic} at the time of {n_missing} of its {n_frames} frames, or at most {} ms before; there its \
-                 readings are taken as invalid",
+                "has no frame of {topic} at the time of {n_missing} of its {n_frames} frames, or at most {} ms before; {what}",
                 self.tolerance.as_secs_f64() * 1e3
             )
         };
         let truncation = self.truncation.iter().map(Truncation::to_string);
-        truncation.chain(self.missing_partners().into_iter().map(missing)).collect()
+        truncation.chain(self.lookahead.missing_partners().map(missing)).collect()
     }
 
     /// Bytes of the file read so far, and bytes in the file.

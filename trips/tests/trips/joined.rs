@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use kinds_trips::{
-    FrameLayout, Image, ImageEncoding, Pose, Scan, Selection, Stamp, TripReader, TripWriter, WriterOptions,
-    counts_in_unit,
+    FrameInfo, FrameLayout, Image, ImageEncoding, Pose, Scan, Selection, Stamp, TripReader, TripWriter,
+    WriterOptions, counts_in_unit,
 };
 use proptest::prelude::*;
 
@@ -63,20 +63,20 @@ fn joined(topics: &str, tolerance_ms: u64) -> Selection {
     Selection { frames_topic: Some(topics.to_owned()), tolerance, ..Selection::default() }
 }
 
-/// When the frames of the ring, and of the camera with each, were captured; none where it has none.
+/// When the frames of the ring, and of the camera with each, were captured; none where it has none, and the frame is invalid.
 fn pairs(path: &Path, tolerance_ms: u64) -> Vec<(i64, Option<i64>)> {
     let read = read_with(path, &joined("/ring,/camera", tolerance_ms)).unwrap();
     assert_eq!(read.layout, FrameLayout { rows: 1, columns: 7, metres_per_count: 0.001 });
-    let pair = |counts: Vec<u16>| {
-        let led = counts[0];
-        assert_eq!(counts[..3], [led, led + 1, 0]);
-        let own = counts[3];
-        let expected = if own == 0 { [0; 4] } else { [own, own + 1, own + 2, own + 3] };
-        assert_eq!(counts[3..], expected);
-        let ms = |count| i64::from(count) - 1000;
-        (ms(led), (own != 0).then(|| ms(own)))
+    let pair = |(info, counts): &(FrameInfo, Vec<u16>)| {
+        let ms = info.captured.0 / 1_000_000 - START_MS;
+        if counts.iter().all(|&count| count == 0) {
+            return (ms, None);
+        }
+        let (led, own) = (1000 + ms as u16, counts[3]);
+        assert_eq!(*counts, [led, led + 1, 0, own, own + 1, own + 2, own + 3]);
+        (ms, Some(i64::from(own) - 1000))
     };
-    read.counts().into_iter().map(pair).collect()
+    read.frames.iter().map(pair).collect()
 }
 
 #[test]
@@ -102,8 +102,7 @@ fn the_first_sets_the_pace_and_of_the_other_the_newest_before_it_is_taken() {
     assert_eq!(
         remarks(60),
         [format!(
-            "has no frame of /camera at the time of {n_missing} of its 8 frames, or at most 60 ms before; there its readings are \
-             taken as invalid"
+            "has no frame of /camera at the time of {n_missing} of its 8 frames, or at most 60 ms before; these are taken as invalid"
         )]
     );
 }

@@ -78,8 +78,7 @@ fn a_reading_that_is_missing_is_invalid_and_that_is_said() {
     assert_eq!(
         trip.remarks(),
         [
-            "has no frame of /right at the time of 4 of its 10 frames, or at most 250 ms before; there its readings are taken as \
-          invalid"
+            "has no frame of /right at the time of 4 of its 10 frames, or at most 250 ms before; there its reading is taken as invalid"
         ]
     );
 }
