@@ -4,6 +4,7 @@
 mod bridge;
 mod check;
 mod evaluate;
+mod join;
 mod publish;
 mod record;
 mod serve;
@@ -25,6 +26,7 @@ use serde::de::DeserializeOwned;
 pub(crate) use self::bridge::{BridgeArguments, BridgeConfig, BridgePlan, End};
 pub(crate) use self::check::{CheckArguments, Sort};
 pub(crate) use self::evaluate::EvaluateArguments;
+pub(crate) use self::join::{JoinArguments, JoinConfig, Joint};
 pub(crate) use self::publish::{PublishArguments, PublishConfig, PublishPlan, RobotName, SourcePlan};
 pub(crate) use self::record::{Limits, RecordArguments, RecordConfig, RecordPlan, SensorNames};
 pub(crate) use self::serve::{ServeArguments, ServeConfig, ServePlan};
@@ -100,6 +102,8 @@ pub(crate) enum Verb {
     Update(UpdateArguments),
     /// Publish the frames of a sensor into shared memory
     Publish(Box<PublishArguments>),
+    /// Publish several sensors of a robot as one, whose frames have the readings of all
+    Join(JoinArguments),
     /// Classify every frame of a sensor and publish its kind
     Serve(ServeArguments),
     /// Give a running service another model, without a gap: the old one serves until the new one is ready
@@ -145,8 +149,8 @@ pub(crate) struct ReadingArguments {
     /// (sensor_msgs/Range); `kinds trips info` shows what there is]
     #[arg(long, value_name = "NAME,…")]
     frames_topic: Option<String>,
-    /// Of several topics, milliseconds by which frames of the others may be older than the first one's; where there is none, its
-    /// readings are invalid [default: 250]
+    /// Of several topics, milliseconds by which frames of the others may be older than the first one's; where there is none, the
+    /// frame is invalid [default: 250]
     #[arg(long, value_name = "MS")]
     tolerance_ms: Option<u32>,
     /// Topic of the poses [default: the only one that fits]
