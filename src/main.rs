@@ -56,6 +56,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Verb::Name(arguments) => commands::name::run(&arguments),
         Verb::Update(arguments) => commands::update::run(&arguments),
         Verb::Publish(arguments) => commands::publish::run(&arguments),
+        Verb::Join(arguments) => commands::join::run(&arguments),
         Verb::Serve(arguments) => commands::serve::run(&arguments),
         Verb::Reload(arguments) => commands::reload::run(&arguments),
         Verb::Watch(arguments) => commands::watch::run(&arguments),

@@ -9,13 +9,14 @@
 //! for nobody, a replayed trip can wait for every report.
 //!
 //! Devices: [`Paced`] frames of a [`Source`], such as the [`Replay`] of a recorded trip or a
-//! [`simulated`] robot; whatever sends frames as bytes ([`wire::Wired`]); depth cameras ([`v4l2::DepthCamera`]). [`Faulty`] wraps any
-//! of them and spoils some of its frames, to see what the others make of it.
+//! [`simulated`] robot; whatever sends frames as bytes ([`wire::Wired`]); depth cameras ([`v4l2::DepthCamera`]); other sensors
+//! of the robot, joined ([`joined::Joined`]). [`Faulty`] wraps any of them and spoils some of its frames, to see what the others make of it.
 
 mod address;
 mod faults;
 mod faulty;
 mod flow;
+pub mod joined;
 mod layout;
 mod notice;
 mod pace;

@@ -21,6 +21,8 @@ pub(crate) enum Sort {
     Serve,
     /// kinds publish --config
     Publish,
+    /// kinds join --config
+    Join,
     /// kinds record --config
     Record,
     /// kinds bridge --config
@@ -40,6 +42,7 @@ impl Sort {
         match self {
             Self::Serve => "Serve",
             Self::Publish => "Publish",
+            Self::Join => "Join",
             Self::Record => "Record",
             #[cfg(feature = "bridge")]
             Self::Bridge => "Bridge",

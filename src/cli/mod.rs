@@ -4,6 +4,7 @@
 mod bridge;
 mod check;
 mod evaluate;
+mod join;
 mod publish;
 mod record;
 mod serve;
@@ -13,6 +14,7 @@ mod trips;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
 use kinds_messages::{Domain, SensorName};
@@ -24,6 +26,7 @@ use serde::de::DeserializeOwned;
 pub(crate) use self::bridge::{BridgeArguments, BridgeConfig, BridgePlan, End};
 pub(crate) use self::check::{CheckArguments, Sort};
 pub(crate) use self::evaluate::EvaluateArguments;
+pub(crate) use self::join::{JoinArguments, JoinConfig, Joint};
 pub(crate) use self::publish::{PublishArguments, PublishConfig, PublishPlan, RobotName, SourcePlan};
 pub(crate) use self::record::{Limits, RecordArguments, RecordConfig, RecordPlan, SensorNames};
 pub(crate) use self::serve::{ServeArguments, ServeConfig, ServePlan};
@@ -99,6 +102,8 @@ pub(crate) enum Verb {
     Update(UpdateArguments),
     /// Publish the frames of a sensor into shared memory
     Publish(Box<PublishArguments>),
+    /// Publish several sensors of a robot as one, whose frames have the readings of all
+    Join(JoinArguments),
     /// Classify every frame of a sensor and publish its kind
     Serve(ServeArguments),
     /// Give a running service another model, without a gap: the old one serves until the new one is ready
@@ -139,10 +144,15 @@ pub(crate) struct DemoArguments {
 #[derive(Args, Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct ReadingArguments {
-    /// Topic of the frames, or several with single ranges (sensor_msgs/Range) and commas between them [default: the only one
-    /// that fits, or all single ranges; `kinds trips info` shows what there is]
-    #[arg(long, value_name = "NAME")]
+    /// Topic of the frames, or several whose frames are joined, with commas between them: each frame of the first with the newest
+    /// of each of the others that was captured with it or before [default: the only one that fits, or all single ranges
+    /// (sensor_msgs/Range); `kinds trips info` shows what there is]
+    #[arg(long, value_name = "NAME,…")]
     frames_topic: Option<String>,
+    /// Of several topics, milliseconds by which frames of the others may be older than the first one's; where there is none, the
+    /// frame is invalid [default: 250]
+    #[arg(long, value_name = "MS")]
+    tolerance_ms: Option<u32>,
     /// Topic of the poses [default: the only one that fits]
     #[arg(long, value_name = "NAME")]
     poses_topic: Option<String>,
@@ -335,6 +345,7 @@ impl ReadingArguments {
     fn overridden_by(self, over: Self) -> Self {
         Self {
             frames_topic: over.frames_topic.or(self.frames_topic),
+            tolerance_ms: over.tolerance_ms.or(self.tolerance_ms),
             poses_topic: over.poses_topic.or(self.poses_topic),
             commands_topic: over.commands_topic.or(self.commands_topic),
             metres_per_count: over.metres_per_count.or(self.metres_per_count),
@@ -346,6 +357,7 @@ impl ReadingArguments {
         let usual = Selection::default();
         Selection {
             frames_topic: self.frames_topic.clone(),
+            tolerance: self.tolerance_ms.map_or(usual.tolerance, |ms| Duration::from_millis(ms.into())),
             poses_topic: self.poses_topic.clone(),
             commands_topic: self.commands_topic.clone(),
             metres_per_count: self.metres_per_count.or(metres_per_count).unwrap_or(usual.metres_per_count),

@@ -44,8 +44,9 @@ pub(crate) struct TrainArguments {
     #[arg(long, value_name = "N")]
     whitening: Option<usize>,
     /// How far apart frames are: euclidean; ring: at the nearest turn, each row of the sensor being a ring; rings:N: the same
-    /// with N rings. Weights are given in the configuration file [default: euclidean]
-    #[arg(long, value_name = "euclidean|ring|rings:N")]
+    /// with N rings; parts:N,N: of joined sensors, each as much as any other, however many readings it has: else many drown few.
+    /// Weights are given in the configuration file [default: euclidean]
+    #[arg(long, value_name = "euclidean|ring|rings:N|parts:N,…")]
     metric: Option<MetricChoice>,
     /// Most frames that the model keeps: of longer trips as many that cover them; kinds are learnt from all [default: 4000]
     #[arg(long, value_name = "N")]
@@ -163,6 +164,7 @@ impl TrainArguments {
             seed: self.seed,
             metres_per_count: self.reading.metres_per_count,
             frames_topic: self.reading.frames_topic.clone(),
+            tolerance_ms: self.reading.tolerance_ms,
             poses_topic: self.reading.poses_topic.clone(),
             commands_topic: self.reading.commands_topic.clone(),
             commands: CommandsConfig { weight: self.commands_weight },

@@ -9,7 +9,7 @@ use kinds_trainer::Config;
 
 #[cfg(feature = "bridge")]
 use crate::cli::BridgeConfig;
-use crate::cli::{CheckArguments, PublishConfig, RecordConfig, ServeConfig, Sort};
+use crate::cli::{CheckArguments, JoinConfig, PublishConfig, RecordConfig, ServeConfig, Sort};
 use crate::failure::Failure;
 use crate::realtime::Realtime;
 use crate::say::say;
@@ -47,6 +47,7 @@ fn check(path: &Path, sort: Option<Sort>) -> Result<Sort, Failure> {
     match sort {
         Sort::Serve => ron_file::parse::<ServeConfig>(&text).and_then(|config| said(config.plan())),
         Sort::Publish => ron_file::parse::<PublishConfig>(&text).and_then(|config| said(config.plan())),
+        Sort::Join => ron_file::parse::<JoinConfig>(&text).and_then(|config| said(config.joint())),
         Sort::Record => ron_file::parse::<RecordConfig>(&text).and_then(|config| said(config.plan())),
         #[cfg(feature = "bridge")]
         Sort::Bridge => ron_file::parse::<BridgeConfig>(&text).and_then(|config| said(config.plan())),

@@ -7,6 +7,7 @@ pub(crate) mod demo;
 pub(crate) mod doctor;
 pub(crate) mod evaluate;
 pub(crate) mod inspect;
+pub(crate) mod join;
 pub(crate) mod name;
 pub(crate) mod pages;
 pub(crate) mod publish;

@@ -7,8 +7,8 @@ use std::sync::atomic::AtomicBool;
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor, Robot};
 use kinds_driver_shim::v4l2::DepthCamera;
 use kinds_driver_shim::wire::Wired;
-use kinds_driver_shim::{DeviceAddress, Faulty, Flow, Pace, Paced, Sensor, Shim};
-use kinds_messages::Node;
+use kinds_driver_shim::{DeviceAddress, Faulty, Flow, Pace, Paced, Sensor, Shim, Summary};
+use kinds_messages::{Node, SensorName};
 use kinds_trips::TripReader;
 
 use crate::cli::{PublishArguments, PublishPlan, RobotName, SourcePlan};
@@ -94,7 +94,27 @@ fn publish_device<S: Sensor>(
         (_, SourcePlan::Device { .. }) | (Pace::Recorded(_), SourcePlan::Robot { .. }) => Flow::Live,
         (pace, _) => pace.flow(),
     };
-    let mut shim = Shim::new(&node, sensor, device, flow)?;
+    let summary = publish_until_stopped(&node, sensor, device, flow, stop, &supervisor, remarks)?;
+    if summary.n_unreported > 0 {
+        return Err(Failure::CouldNot(format!(
+            "the service left {} of {} frames of {sensor} unreported",
+            summary.n_unreported, summary.n_frames
+        )));
+    }
+    Ok(())
+}
+
+/// Publishes a device until it ends or is to stop, then says all that `remarks` has to say of it, and what was done.
+pub(crate) fn publish_until_stopped<S: Sensor>(
+    node: &Node,
+    sensor: &SensorName,
+    device: S,
+    flow: Flow,
+    stop: &AtomicBool,
+    supervisor: &Supervisor,
+    remarks: impl Fn(&S) -> Vec<String>,
+) -> Result<Summary, Failure> {
+    let mut shim = Shim::new(node, sensor, device, flow)?;
     let status = format!("publishing {sensor}");
     supervisor.ready(&status);
     let watched = supervisor.clone();
@@ -107,11 +127,5 @@ fn publish_device<S: Sensor>(
     }
     let (n_frames, duration_s) = (summary.n_frames, summary.duration.as_secs_f64());
     mention(format!("published {n_frames} frames of {sensor} in {duration_s:.1} s"))?;
-    if summary.n_unreported > 0 {
-        return Err(Failure::CouldNot(format!(
-            "the service left {} of {} frames of {sensor} unreported",
-            summary.n_unreported, summary.n_frames
-        )));
-    }
-    Ok(())
+    Ok(summary)
 }

@@ -96,14 +96,14 @@ fn landmarks_that_cannot_be_are_refused_with_what_can() {
 fn a_metric_that_cannot_be_is_refused_with_what_can() {
     let robot = Robot::trained();
     let train = ["train", FIRST, "--output", MODEL];
-    for metric in ["weighted", "rings:0", "rings:some", "ring:2"] {
+    for metric in ["weighted", "rings:0", "rings:some", "ring:2", "parts:8,0"] {
         robot.refuse(
             &[&train[..], &["--metric", metric]].concat(),
             2,
             &format!(
-                "error: invalid value '{metric}' for '--metric <euclidean|ring|rings:N>': metric is {metric}; it must be \
-                 euclidean, ring (each row of the sensor is one), or a number of rings such as rings:2; weights are given in a \
-                 configuration file"
+                "error: invalid value '{metric}' for '--metric <euclidean|ring|rings:N|parts:N,…>': metric is {metric}; it must be \
+                 euclidean, ring (each row of the sensor is one), a number of rings such as rings:2, or the readings of each part \
+                 such as parts:16,19840; weights are given in a configuration file"
             ),
         );
     }
@@ -112,6 +112,11 @@ fn a_metric_that_cannot_be_is_refused_with_what_can() {
         1,
         "cannot train: metric: 1 × 16 readings are not 3 rings of equal length, each within a row and of at least 2 readings; ask \
          for another number of rings",
+    );
+    robot.refuse_with(
+        &[&train[..], &["--metric", "parts:8,9"]].concat(),
+        2,
+        &["metric: parts of 8 and 9 readings are not the sensor's 16; give how many readings each of the joined sensors has"],
     );
     robot.write("weights.ron", "(metric: Weighted([1, 2, 3]))");
     robot.refuse_with(

@@ -150,7 +150,8 @@ fn topics_to_choose_from_are_listed_with_the_flag_that_chooses() {
         &robot,
         "two.mcap",
         "two.mcap has 2 topics with frames: /front (sensor_msgs/msg/LaserScan, 160 messages), /rear \
-         (sensor_msgs/msg/LaserScan, 160 messages); choose one with --frames-topic NAME",
+         (sensor_msgs/msg/LaserScan, 160 messages); choose one with --frames-topic NAME, or join several with \
+         --frames-topic NAME,NAME",
     );
     robot.succeed(&["train", "two.mcap", "--output", "rear.kinds", "--frames-topic", "/rear"]);
     robot.write("topic.ron", "(frames_topic: \"/rear\")");

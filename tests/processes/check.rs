@@ -8,11 +8,12 @@ use crate::robot::{MODEL, Robot, SENSOR};
 const DEPLOY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/deploy");
 
 /// The configurations that come with the package: path, and the groups of fields in it, with how to ask for them.
-const CONFIGURATIONS: [(&str, &[&str]); 8] = [
+const CONFIGURATIONS: [(&str, &[&str]); 9] = [
     ("etc/serve.ron", &["", "realtime: ("]),
     ("etc/publish.ron", &["", "faults: (", "reading: ("]),
     ("etc/record.ron", &[""]),
     ("etc/bridge.ron", &[""]),
+    ("examples/join.ron", &[""]),
     ("examples/train.ron", &["", "commands: (", "whitening: ("]),
     ("examples/faults.ron", &[""]),
     // Of a configuration of which etc/publish.ron has all fields.
@@ -161,7 +162,7 @@ fn what_is_wrong_is_said_with_file_line_column_and_what_was_perhaps_meant() {
         ),
         (
             "Serv()",
-            "it begins with Serv of Serve, Publish, Record, Bridge, Train, Faults, Realtime, so nobody knows what it is for; write one \
+            "it begins with Serv of Serve, Publish, Join, Record, Bridge, Train, Faults, Realtime, so nobody knows what it is for; write one \
              before its first bracket, or say it with --as",
         ),
         ("Serve(", "line 1, column 6: Unexpected end of RON"),

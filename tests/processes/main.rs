@@ -17,6 +17,7 @@ mod doctor;
 mod evaluate;
 mod faults;
 mod health;
+mod join;
 mod killed;
 mod living;
 mod log;

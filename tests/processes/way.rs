@@ -52,6 +52,11 @@ fn reports_by_the_ring_metric_equal_classifying_here() {
 }
 
 #[test]
+fn reports_of_parts_that_count_alike_equal_classifying_here() {
+    check(&["--metric", "parts:4,12"], 130, "max");
+}
+
+#[test]
 fn reports_of_native_space_equal_classifying_here() {
     check(&["--method", "native"], 130, "max");
 }

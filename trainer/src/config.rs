@@ -1,5 +1,7 @@
 //! What a person says about training (RON or flags), and the checked plan that it becomes for a sensor.
 
+use std::time::Duration;
+
 use kinds_model::evidence::N_KINDS_TRIED_MAX;
 use kinds_model::{
     Covariance, EmPlan, FitPlan, KindsBy, LandmarkChoice, MedianPlan, Method, N_DIMS_MAX, N_KINDS_MAX,
@@ -10,7 +12,7 @@ use serde::Deserialize;
 
 use crate::counts_seen::CountsSeen;
 use crate::landmark_number::LandmarkNumber;
-use crate::metric_choice::MetricChoice;
+use crate::metric_choice::{MetricChoice, PartsError};
 use crate::scale_choice::ScaleChoice;
 
 /// Training as a RON file says it. Every field may be left out; then the sensor and the trips decide.
@@ -33,8 +35,8 @@ pub struct Config {
     /// as principal components, which are at most 1000. Default: none, by the readings themselves.
     pub whitening: Option<WhiteningPlan>,
     /// How far apart frames are on that scale: `euclidean`; `Weighted([1, 1, 0.5])`, a weight of at least 0 for each reading;
-    /// `ring`, at the nearest turn, each row of the sensor being a ring; or `rings(2)`, where the readings are so many rings.
-    /// Default: euclidean.
+    /// `ring`, at the nearest turn, each row of the sensor being a ring; `rings(2)`, where the readings are so many rings; or
+    /// `parts([16, 19840])`, where those of so many readings each count alike. Default: euclidean.
     pub metric: Option<MetricChoice>,
     /// Most frames that the model keeps, at least 1. Of longer trips it keeps as many that cover them, and learns kinds from
     /// all. Default: 4000.
@@ -74,8 +76,12 @@ pub struct Config {
     pub seed: Option<u64>,
     /// Metres per count that readings are stored in, above 0. Default: 0.001.
     pub metres_per_count: Option<f64>,
-    /// Topic of the frames. Default: the only one that fits.
+    /// Topic of the frames, or several whose frames are joined, with commas between them: the first leads. Default: the only one
+    /// that fits, or all single ranges.
     pub frames_topic: Option<String>,
+    /// Of several topics, how much older than the first one's frames those of the others may be, whole milliseconds.
+    /// Default: 250.
+    pub tolerance_ms: Option<u32>,
     /// Topic of the poses. Default: the only one that fits.
     pub poses_topic: Option<String>,
     /// Topic of the commands. Default: the only one that fits, and none of several.
@@ -142,6 +148,9 @@ pub enum ConfigError {
         /// The shape asked for.
         covariance: Covariance,
     },
+    /// Parts that are not what the sensor consists of.
+    #[error(transparent)]
+    Parts(#[from] PartsError),
     /// A number outside its limits.
     #[error("{field} is {value}; it must be {limit}")]
     Limit {
@@ -212,6 +221,7 @@ impl Config {
             seed: over.seed.or(self.seed),
             metres_per_count: over.metres_per_count.or(self.metres_per_count),
             frames_topic: over.frames_topic.or(self.frames_topic),
+            tolerance_ms: over.tolerance_ms.or(self.tolerance_ms),
             poses_topic: over.poses_topic.or(self.poses_topic),
             commands_topic: over.commands_topic.or(self.commands_topic),
             commands: CommandsConfig { weight: over.commands.weight.or(self.commands.weight) },
@@ -303,6 +313,7 @@ impl Config {
         let usual = Selection::default();
         Selection {
             frames_topic: self.frames_topic.clone(),
+            tolerance: self.tolerance_ms.map_or(usual.tolerance, |ms| Duration::from_millis(ms.into())),
             poses_topic: self.poses_topic.clone(),
             commands_topic: self.commands_topic.clone(),
             metres_per_count: self.metres_per_count.unwrap_or(usual.metres_per_count),
@@ -337,7 +348,7 @@ impl Config {
                 _ => MedianPlan::Off,
             },
             whitening: self.whitening,
-            metric: self.metric.as_ref().map(|choice| choice.plan(sensor)).unwrap_or_default(),
+            metric: self.metric.as_ref().map(|choice| choice.plan(sensor)).transpose()?.unwrap_or_default(),
             n_frames_max,
             method: match self.method {
                 None | Some(MethodChoice::Isomap | MethodChoice::Both) => Method::Isomap,

@@ -50,7 +50,7 @@ pub use evaluate::{
 pub use landmark_number::{LandmarkNumber, LandmarkNumberError};
 pub use load::{LoadError, LoadedTrip, load};
 pub use meeting::{MeetingError, Meetings};
-pub use metric_choice::{MetricChoice, MetricChoiceError};
+pub use metric_choice::{MetricChoice, MetricChoiceError, PartsError};
 pub use places::{Places, SamePlace};
 pub use policy::{
     CommandMode, CommandSpread, KindCommands, KindPolicy, Policy, PolicyCommand, PolicyTable, Spell,

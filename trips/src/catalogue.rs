@@ -280,24 +280,22 @@ impl Catalogue {
     }
 }
 
-/// The topics that frames are read from: one, or several with single ranges.
+/// The topics that frames are read from, and how they are encoded on each: one, or several that are joined, of which the
+/// first leads.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct FrameTopics {
-    pub(crate) topics: Vec<Topic>,
-    pub(crate) frame_type: FrameType,
-}
+pub(crate) struct FrameTopics(pub(crate) Vec<(Topic, FrameType)>);
 
 impl FrameTopics {
     /// What they are called where one name is asked for.
     pub(crate) fn name(&self) -> String {
-        let names: Vec<&str> = self.topics.iter().map(|topic| topic.name.as_str()).collect();
+        let names: Vec<&str> = self.0.iter().map(|(topic, _)| topic.name.as_str()).collect();
         names.join(",")
     }
 
     /// Topics with single ranges, in the order of their names: `/sonar_2` before `/sonar_10`.
     pub(crate) fn ranges(mut topics: Vec<Topic>) -> Self {
         topics.sort_by_cached_key(|topic| natural(&topic.name));
-        Self { topics, frame_type: FrameType::Range }
+        Self(topics.into_iter().map(|topic| (topic, FrameType::Range)).collect())
     }
 }
 
@@ -316,8 +314,8 @@ fn natural(name: &str) -> Vec<(String, u64)> {
     parts
 }
 
-/// The topics for frames: those named, with commas between them; or the only one that fits, or all with single ranges if
-/// there is nothing better.
+/// The topics for frames: those named, with commas between them, each once; or the only one that fits, or all with single
+/// ranges if there is nothing better.
 ///
 /// `None` if none was named and none fits.
 pub(crate) fn choose_frames(
@@ -327,17 +325,15 @@ pub(crate) fn choose_frames(
 ) -> Result<Option<FrameTopics>, TripError> {
     let role = Role::Frames;
     if let Some(name) = named {
-        let names: Vec<&str> = name.split(',').map(str::trim).collect();
-        let mut chosen: Vec<Topic> = Vec::new();
-        for name in &names {
-            chosen.extend(choose(path, topics, role, Some(name))?);
+        let mut chosen: Vec<(Topic, FrameType)> = Vec::new();
+        for name in name.split(',').map(str::trim) {
+            if chosen.iter().any(|(topic, _)| topic.name == name) {
+                return Err(TripError::TopicTwice { name: name.to_owned() });
+            }
+            let topic = choose(path, topics, role, Some(name))?;
+            chosen.extend(topic.and_then(|topic| topic.key().frame_type().map(|of| (topic, of))));
         }
-        let is_range = |topic: &Topic| topic.key().frame_type() == Some(FrameType::Range);
-        if let (true, Some(other)) = (names.len() > 1, chosen.iter().find(|topic| !is_range(topic))) {
-            return Err(TripError::NotSingleRanges { path: path.to_owned(), topic: Box::new(other.clone()) });
-        }
-        let frame_type = chosen.first().and_then(|topic| topic.key().frame_type());
-        return Ok(frame_type.map(|frame_type| FrameTopics { topics: chosen, frame_type }));
+        return Ok(Some(FrameTopics(chosen)));
     }
     let precedence = |topic: &&Topic| topic.key().frame_type().map(FrameType::precedence);
     let is_meant = |topic: &&Topic| {
@@ -353,7 +349,7 @@ pub(crate) fn choose_frames(
         (ranges, Some(FrameType::Range)) => {
             Ok(Some(FrameTopics::ranges(ranges.iter().copied().cloned().collect())))
         }
-        ([topic], Some(frame_type)) => Ok(Some(FrameTopics { topics: vec![(*topic).clone()], frame_type })),
+        ([topic], Some(frame_type)) => Ok(Some(FrameTopics(vec![((*topic).clone(), frame_type)]))),
         (several, _) => Err(TripError::SeveralTopics {
             path: path.to_owned(),
             role,

@@ -81,7 +81,7 @@ pub enum TripError {
         topics: Vec<Topic>,
     },
     /// Several topics fit and none was chosen.
-    #[error("{} has {} topics with {role}: {}; choose one with --{role}-topic NAME", path.display(), candidates.len(), list(candidates))]
+    #[error("{} has {} topics with {role}: {}; choose one with --{role}-topic NAME{}", path.display(), candidates.len(), list(candidates), or_join(*role))]
     SeveralTopics {
         /// The trip's file.
         path: PathBuf,
@@ -112,13 +112,11 @@ pub enum TripError {
         /// The topic asked for.
         topic: Box<Topic>,
     },
-    /// Of several topics one gives whole frames.
-    #[error("{topic} in {} cannot be part of a frame, asked for with --frames-topic: of several topics each gives one range (sensor_msgs/msg/Range)", path.display())]
-    NotSingleRanges {
-        /// The trip's file.
-        path: PathBuf,
+    /// A topic would be joined with itself.
+    #[error("--frames-topic has {name} twice; name each topic once")]
+    TopicTwice {
         /// The topic.
-        topic: Box<Topic>,
+        name: String,
     },
     /// A message could not be read.
     #[error("message {number} on {topic} in {}: {fault}", path.display())]
@@ -345,6 +343,11 @@ fn no_frames(topics: &[Topic]) -> String {
         return "it has no topics at all".to_owned();
     }
     format!("none of its topics has messages of type {}; it has {}", Role::Frames.types(), list(topics))
+}
+
+/// Frames can also be of several topics.
+fn or_join(role: Role) -> &'static str {
+    if role == Role::Frames { ", or join several with --frames-topic NAME,NAME" } else { "" }
 }
 
 /// Topics in a sentence: `/a (…), /b (…)`.

@@ -8,7 +8,7 @@ use crate::message::{
     Float32MultiArrayMessage, ImageMessage, LaserScanMessage, RangeMessage, decode, stamp, unterminated,
 };
 use crate::point_cloud::read_point_cloud;
-use crate::{MessageFault, Stamp};
+use crate::{FrameLayout, MessageFault, Stamp};
 
 /// What a message says about the frame in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,6 +17,13 @@ pub(crate) struct FrameHead {
     pub(crate) captured: Option<Stamp>,
     pub(crate) rows: u32,
     pub(crate) columns: u32,
+}
+
+impl FrameHead {
+    /// How the frame's readings lie, in a unit.
+    pub(crate) fn layout(&self, unit: Unit) -> FrameLayout {
+        FrameLayout { rows: self.rows, columns: self.columns, metres_per_count: unit.metres_per_count() }
+    }
 }
 
 /// Reads the counts of a frame into `counts`, which is cleared first.

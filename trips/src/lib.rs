@@ -4,7 +4,7 @@
 //! `geometry_msgs/PoseStamped` where there is no odometry or it is asked for by name) and what it was told to do
 //! (`geometry_msgs/Twist` or `geometry_msgs/TwistStamped`), encoded as CDR or as ROS 1 does. Frames are messages of
 //! `sensor_msgs`: `LaserScan`, `Image` (`16UC1`, `32FC1`), `CompressedImage` (`compressedDepth` in PNG), `PointCloud2`
-//! (organised), `Range` (several topics make one frame); or `std_msgs/Float32MultiArray`.
+//! (organised), `Range`; or `std_msgs/Float32MultiArray`.
 //!
 //! * [`TripReader`] turns it into *frames*: `u16` counts of a stated unit, each with its time of capture, and the pose
 //!   and the command at that time. Reading streams: memory does not grow with the length of the trip.
@@ -24,11 +24,12 @@
 //!
 //! A range is like one of a scan. Clouds, numbers and compressed images have no limit of their own, as images.
 //!
-//! # Ranges become a frame
+//! # Frames of several topics become one
 //!
-//! Of several topics with one range each the first sets the pace: each of its messages makes a frame, with of every other
-//! topic the range nearest in time, at most [`MAX_RANGE_REACH_S`] away. Where there is none the reading is invalid, and
-//! [`TripReader::missing_readings`] counts it.
+//! Of several topics, such as rings of single ranges or two sensors of one robot, the first leads: each of its messages makes
+//! a frame, a row with the readings of all of them in the order in which they are named. [`Partner`] is the rule by which
+//! frames of the others belong to it, which is also that of sensors that are running. Where there is none the frame is invalid
+//! (of a single range, only that reading), and [`TripReader::missing_partners`] counts it.
 //!
 //! # Poses come to frames
 //!
@@ -63,6 +64,7 @@ mod info;
 mod lookahead;
 mod mcap_file;
 mod message;
+mod partner;
 mod point_cloud;
 mod pose;
 mod pose_track;
@@ -84,7 +86,7 @@ pub use command::Command;
 pub use error::{MessageFault, TripError, TripWriteError};
 pub use frame::{FrameInfo, FrameLayout};
 pub use info::{Choice, Gives, TopicInfo, TripInfo};
-pub use lookahead::MAX_RANGE_REACH_S;
+pub use partner::{Partner, USUAL_TOLERANCE, counts_in_unit, join};
 pub use pose::Pose;
 pub use pose_track::{MAX_POSE_GAP_S, MAX_POSE_REACH_S};
 pub use reader::{Selection, TripReader};

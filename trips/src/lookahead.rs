@@ -5,17 +5,21 @@
 //! before the next has come. So frames wait here, in order, until a pose and a command as late as the first of them
 //! have come, or until as many wait as there may: the queue has a bound, and so has a trip's memory.
 //!
+//! What is joined with a frame waits likewise for each partner's frame after it ([`Partner`]).
+//!
 //! Each frame takes its pose as soon as that is there, and does not leave it to the end of its wait: where a teleoperator
 //! holds a stick still for long, and commands come on change only, poses would be forgotten meanwhile.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use crate::catalogue::{CommandType, Encoding, FrameTopics, FrameType, PoseType, Topic};
 use crate::counts::{INVALID, Unit};
 use crate::frame_message::{FrameHead, Range, quoted, read_frame, read_range};
 use crate::history::History;
 use crate::message::{read_command, read_pose};
+use crate::partner::{Partner, join};
 use crate::pose_track::pose_at;
 use crate::record::Record;
 use crate::{Command, FrameInfo, FrameLayout, MessageFault, Pose, Stamp, TripError};
@@ -28,11 +32,6 @@ const MAX_WAITING_READINGS: usize = 16 << 20;
 
 /// Frames that may wait however large they are: fewer would hardly ever see the pose after them.
 const MIN_WAITING_FRAMES: usize = 4;
-
-/// How far in time, in seconds, a single range may be from the frame that it becomes a part of.
-///
-/// Rings of sonars take a quarter of a second and more to fire all around.
-pub const MAX_RANGE_REACH_S: f64 = 0.25;
 
 /// The topics that are read.
 pub(crate) struct Topics {
@@ -47,17 +46,18 @@ pub(crate) struct Lookahead {
     path: PathBuf,
     unit: Unit,
     topics: Topics,
-    layout: Option<FrameLayout>,
+    /// Of each topic with frames, what they look like, once there was one.
+    layouts: Vec<Option<FrameLayout>>,
     waiting: VecDeque<Waiting>,
     /// Buffers of frames that were taken, for the next.
     spare: Vec<Vec<u16>>,
     around: Around,
-    /// Of each topic with a single range, whose it is.
+    /// Of each topic with frames, if these are single ranges, whose they are.
     range_ids: Vec<Option<Vec<u8>>>,
-    /// Messages of each such topic but the first, and frames for which there was none near enough.
-    n_ranges: Vec<u64>,
+    /// Messages of each topic with frames.
+    n_frames: Vec<u64>,
+    /// Of each such topic but the first, frames for which there was none near enough.
     n_missing: Vec<u64>,
-    n_frames: u64,
     n_poses: u64,
     n_commands: u64,
 }
@@ -67,34 +67,43 @@ pub(crate) struct Lookahead {
 struct Around {
     poses: History<Pose>,
     commands: History<Command>,
-    /// Of each topic with a single range but the first.
-    ranges: Vec<History<u16>>,
+    /// Of each topic with frames but the first.
+    partners: Vec<Partner>,
 }
 
 struct Waiting {
     info: FrameInfo,
     counts: Vec<u16>,
-    awaits_ranges: bool,
+    awaits_partners: bool,
     awaits_pose: bool,
     awaits_command: bool,
 }
 
 impl Lookahead {
-    pub(crate) fn new(path: PathBuf, unit: Unit, topics: Topics) -> Self {
-        let n_partners = topics.frames.topics.len() - 1;
-        let around = Around { ranges: vec![History::default(); n_partners], ..Around::default() };
+    /// * `layouts` — what the frames of each topic look like: known, where there are several
+    /// * `tolerance` — how much older than the first topic's frames those of the others may be
+    pub(crate) fn new(
+        path: PathBuf,
+        unit: Unit,
+        topics: Topics,
+        layouts: Vec<Option<FrameLayout>>,
+        tolerance: Duration,
+    ) -> Self {
+        let partner = |layout: &Option<FrameLayout>| {
+            Partner::new(layout.expect("what partners look like is known").n_readings(), tolerance)
+        };
+        let partners: Vec<Partner> = layouts[1..].iter().map(partner).collect();
         Self {
             path,
             unit,
             topics,
-            layout: None,
             waiting: VecDeque::new(),
             spare: Vec::new(),
-            around,
-            range_ids: vec![None; 1 + n_partners],
-            n_ranges: vec![0; n_partners],
-            n_missing: vec![0; n_partners],
-            n_frames: 0,
+            range_ids: vec![None; layouts.len()],
+            n_frames: vec![0; layouts.len()],
+            n_missing: vec![0; partners.len()],
+            around: Around { partners, ..Around::default() },
+            layouts,
             n_poses: 0,
             n_commands: 0,
         }
@@ -104,14 +113,20 @@ impl Lookahead {
         &self.topics
     }
 
-    /// The layout of all frames, once there was one.
+    /// The layout of all frames, once there was one: of those that several topics make together, a row.
     pub(crate) fn layout(&self) -> Option<FrameLayout> {
-        self.layout
+        let first = self.layouts[0]?;
+        if self.around.partners.is_empty() {
+            return Some(first);
+        }
+        let n_readings =
+            first.n_readings() + self.around.partners.iter().map(Partner::n_readings).sum::<usize>();
+        Some(FrameLayout { rows: 1, columns: n_readings as u32, ..first })
     }
 
     /// Frames taken in so far.
     pub(crate) fn n_frames(&self) -> u64 {
-        self.n_frames
+        self.n_frames[0]
     }
 
     /// Whether the first frame has waited long enough. `no_more`: nothing more will come.
@@ -126,11 +141,8 @@ impl Lookahead {
         let Record::Message { channel_id, log_time, data, .. } = *record else { return Ok(()) };
         let logged = Stamp(i64::try_from(log_time).unwrap_or(i64::MAX));
         let is_of = |topic: &Topic| topic.channel_ids.contains(&channel_id);
-        if let Some(index) = self.topics.frames.topics.iter().position(is_of) {
-            match index.checked_sub(1) {
-                None => self.accept_frame(data, logged)?,
-                Some(partner) => self.accept_range(partner, data, logged)?,
-            }
+        if let Some(index) = self.topics.frames.0.iter().position(|(topic, _)| is_of(topic)) {
+            self.accept_frame(index, data, logged)?;
         } else if let Some((topic, pose_type)) = self.topics.poses.as_ref().filter(|(topic, _)| is_of(topic))
         {
             self.n_poses += 1;
@@ -169,22 +181,24 @@ impl Lookahead {
         first.info
     }
 
-    /// How many readings were missing, of each topic of which one was.
-    pub(crate) fn missing_readings(&self) -> Vec<(&str, u64)> {
-        let partners = self.topics.frames.topics[1..].iter().zip(&self.n_missing);
-        let missing = partners.filter(|(_, n_missing)| **n_missing > 0);
-        missing.map(|(topic, n_missing)| (topic.name.as_str(), *n_missing)).collect()
+    /// For how many frames there was none near enough, of each topic of which that was so, and of what sort it is.
+    pub(crate) fn missing_partners(&self) -> impl Iterator<Item = (&str, u64, &Partner)> {
+        let partners = self.topics.frames.0[1..].iter().zip(&self.n_missing).zip(&self.around.partners);
+        let missing = partners.filter(|((_, n_missing), _)| **n_missing > 0);
+        missing.map(|(((topic, _), n_missing), partner)| (topic.name.as_str(), *n_missing, partner))
     }
 
-    fn accept_frame(&mut self, data: &[u8], logged: Stamp) -> Result<(), TripError> {
-        let number = self.n_frames + 1;
+    /// Takes in a frame of one of the topics.
+    ///
+    /// * `index` — which; the first is the one whose frames are taken, with what belongs to them of the others
+    fn accept_frame(&mut self, index: usize, data: &[u8], logged: Stamp) -> Result<(), TripError> {
+        let number = self.n_frames[index] + 1;
         let mut counts = self.spare.pop().unwrap_or_default();
-        let FrameTopics { topics, frame_type } = &self.topics.frames;
-        let topic = &topics[0];
+        let (topic, frame_type) = &self.topics.frames.0[index];
         let head = match frame_type {
             FrameType::Range => {
                 let range = read_range(encoding(topic), data, self.unit)
-                    .and_then(|range| of_one_sensor(range, &mut self.range_ids[0]));
+                    .and_then(|range| of_one_sensor(range, &mut self.range_ids[index]));
                 counts.clear();
                 range.map(|Range { captured, count, .. }| {
                     counts.push(count);
@@ -194,12 +208,8 @@ impl Lookahead {
             _ => read_frame(*frame_type, encoding(topic), data, self.unit, &mut counts),
         };
         let head = head.map_err(|fault| self.message_error(topic, number, fault))?;
-        let n_partners = self.around.ranges.len();
-        let FrameHead { captured, rows, columns } = head;
-        counts.resize(counts.len() + n_partners, INVALID);
-        let columns = columns + n_partners as u32;
-        let layout = FrameLayout { rows, columns, metres_per_count: self.unit.metres_per_count() };
-        let from = *self.layout.get_or_insert(layout);
+        let layout = head.layout(self.unit);
+        let from = *self.layouts[index].get_or_insert(layout);
         if layout != from {
             return Err(TripError::FrameSizeChanged {
                 path: self.path.clone(),
@@ -209,29 +219,29 @@ impl Lookahead {
                 to: layout,
             });
         }
-        self.waiting.push_back(Waiting {
-            info: FrameInfo { captured: captured.unwrap_or(logged), pose: None, command: None },
-            counts,
-            awaits_ranges: n_partners > 0,
-            awaits_pose: self.topics.poses.is_some(),
-            awaits_command: self.topics.commands.is_some(),
-        });
-        self.n_frames = number;
+        self.n_frames[index] = number;
+        let captured = head.captured.unwrap_or(logged);
+        match index.checked_sub(1) {
+            Some(partner) => {
+                self.around.partners[partner].insert(captured, &counts);
+                self.spare.push(counts);
+            }
+            None => self.queue(captured, counts),
+        }
         Ok(())
     }
 
-    /// Takes in one reading of frames that have each from a topic of its own.
-    ///
-    /// * `partner` — which of these, the first apart
-    fn accept_range(&mut self, partner: usize, data: &[u8], logged: Stamp) -> Result<(), TripError> {
-        let topic = &self.topics.frames.topics[1 + partner];
-        self.n_ranges[partner] += 1;
-        let range = read_range(encoding(topic), data, self.unit)
-            .and_then(|range| of_one_sensor(range, &mut self.range_ids[1 + partner]));
-        let Range { captured, count, .. } =
-            range.map_err(|fault| self.message_error(topic, self.n_ranges[partner], fault))?;
-        self.around.ranges[partner].insert(captured.unwrap_or(logged), count);
-        Ok(())
+    /// Has a frame wait for what belongs to it.
+    fn queue(&mut self, captured: Stamp, mut counts: Vec<u16>) {
+        let n_readings = self.layout().expect("there is a frame").n_readings();
+        counts.resize(n_readings, INVALID);
+        self.waiting.push_back(Waiting {
+            info: FrameInfo { captured, pose: None, command: None },
+            counts,
+            awaits_partners: !self.around.partners.is_empty(),
+            awaits_pose: self.topics.poses.is_some(),
+            awaits_command: self.topics.commands.is_some(),
+        });
     }
 
     fn message_error(&self, topic: &Topic, number: u64, fault: MessageFault) -> TripError {
@@ -240,7 +250,7 @@ impl Lookahead {
 
     /// Frames that may wait.
     fn bound(&self) -> usize {
-        let n_readings = self.layout.map_or(1, |layout| layout.n_readings());
+        let n_readings = self.layout().map_or(1, |layout| layout.n_readings());
         (MAX_WAITING_READINGS / n_readings).clamp(MIN_WAITING_FRAMES, MAX_WAITING_FRAMES)
     }
 
@@ -253,21 +263,18 @@ impl Lookahead {
 
 impl Waiting {
     fn awaits_anything(&self) -> bool {
-        self.awaits_ranges || self.awaits_pose || self.awaits_command
+        self.awaits_partners || self.awaits_pose || self.awaits_command
     }
 
     /// Takes what was said around its time where it has waited long enough for that; `at_last`: as it is.
     fn settle(&mut self, around: &Around, n_missing: &mut [u64], at_last: bool) {
         let at = self.info.captured;
-        if self.awaits_ranges && (at_last || around.ranges.iter().all(|ranges| ranges.reaches(at))) {
-            self.awaits_ranges = false;
-            let first_partner = self.counts.len() - around.ranges.len();
-            let readings = self.counts[first_partner..].iter_mut().zip(&around.ranges).zip(n_missing);
-            for ((reading, ranges), n_missing) in readings {
-                match range_at(ranges, at) {
-                    Some(count) => *reading = count,
-                    None => *n_missing += 1,
-                }
+        if self.awaits_partners && (at_last || around.partners.iter().all(|partner| partner.reaches(at))) {
+            self.awaits_partners = false;
+            let n_joined: usize = around.partners.iter().map(Partner::n_readings).sum();
+            join(at, self.counts.len() - n_joined, around.partners.iter(), &mut self.counts);
+            for (partner, n_missing) in around.partners.iter().zip(n_missing) {
+                *n_missing += u64::from(partner.at(at).is_none());
             }
         }
         if self.awaits_pose && (at_last || around.poses.reaches(at)) {
@@ -291,19 +298,8 @@ fn of_one_sensor<'a>(range: Range<'a>, frame_id: &mut Option<Vec<u8>>) -> Result
     }
 }
 
-/// The range nearest in time, of two as near the earlier.
-fn range_at(ranges: &History<u16>, at: Stamp) -> Option<u16> {
-    let distance_s = |stamp: Stamp| at.seconds_since(stamp).abs();
-    let nearest = ranges
-        .around(at)
-        .into_iter()
-        .flatten()
-        .min_by(|(a, _), (b, _)| distance_s(*a).total_cmp(&distance_s(*b)));
-    nearest.filter(|(stamp, _)| distance_s(*stamp) <= MAX_RANGE_REACH_S).map(|(_, count)| count)
-}
-
 /// How a chosen topic's messages are encoded: none is chosen of which that is not known.
-fn encoding(topic: &Topic) -> Encoding {
+pub(crate) fn encoding(topic: &Topic) -> Encoding {
     topic.encoding().unwrap_or(Encoding::Cdr)
 }
 
@@ -358,11 +354,11 @@ mod tests {
     /// Of images on channel 1, odometry on channel 2 and commands on channel 3.
     fn lookahead() -> Lookahead {
         let topics = Topics {
-            frames: FrameTopics { topics: vec![topic(1, IMAGE)], frame_type: FrameType::Image },
+            frames: FrameTopics(vec![(topic(1, IMAGE), FrameType::Image)]),
             poses: Some((topic(2, ODOMETRY), PoseType::Odometry)),
             commands: Some((topic(3, TWIST_STAMPED), CommandType::TwistStamped)),
         };
-        Lookahead::new(PathBuf::new(), Unit::new(0.001).unwrap(), topics)
+        Lookahead::new(PathBuf::new(), Unit::new(0.001).unwrap(), topics, vec![None], Duration::ZERO)
     }
 
     fn accept(lookahead: &mut Lookahead, channel_id: u32, data: &[u8]) {

@@ -1,19 +1,25 @@
 //! Reads a trip frame by frame.
 
 use std::path::Path;
+use std::time::Duration;
 
-use crate::catalogue::{Catalogue, Role, Topic, choose, choose_frames};
+use crate::catalogue::{Catalogue, FrameTopics, Role, Topic, choose, choose_frames};
 use crate::counts::Unit;
-use crate::lookahead::{Lookahead, MAX_RANGE_REACH_S, Topics};
+use crate::frame_message::read_frame;
+use crate::lookahead::{Lookahead, Topics, encoding};
+use crate::partner::{Partner, USUAL_TOLERANCE};
+use crate::record::Record;
 use crate::recording::{End, Recording};
 use crate::{FrameInfo, FrameLayout, TripError, Truncation};
 
 /// What is read of a trip.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selection {
-    /// The topic with frames, or several with single ranges, in the order of a frame's readings and with commas between
-    /// them; `None`: the only one that fits, or all with single ranges if there is nothing better.
+    /// The topic with frames, or several that are joined, in the order of a frame's readings and with commas between them;
+    /// `None`: the only one that fits, or all with single ranges if there is nothing better.
     pub frames_topic: Option<String>,
+    /// Of several topics, how much older than the first one's frames those of the others may be.
+    pub tolerance: Duration,
     /// The topic with poses; `None`: the only one that fits, if any.
     pub poses_topic: Option<String>,
     /// The topic with commands; `None`: the only one that fits, and none of several.
@@ -25,19 +31,26 @@ pub struct Selection {
 /// Topics by type, counts of a millimetre.
 impl Default for Selection {
     fn default() -> Self {
-        Self { frames_topic: None, poses_topic: None, commands_topic: None, metres_per_count: 0.001 }
+        Self {
+            frames_topic: None,
+            tolerance: USUAL_TOLERANCE,
+            poses_topic: None,
+            commands_topic: None,
+            metres_per_count: 0.001,
+        }
     }
 }
 
 /// A trip being read: frames in the order of the recording, each with its pose and its command.
 ///
 /// Holds one chunk of the recording, at most 256 frames that wait for the pose and the command after them (and at most
-/// 32 MiB of these, but at least 4), the last 4096 poses, and as many commands
-/// and single ranges of each topic, however long the trip.
+/// 32 MiB of these, but at least 4), the last 4096 poses and as many commands, and of each topic whose frames are joined with
+/// another's the last [`Partner::n_frames_max`], however long the trip.
 pub struct TripReader {
     recording: Recording,
     lookahead: Lookahead,
     layout: FrameLayout,
+    tolerance: Duration,
     /// What stopped the reading, kept until the frames before it are taken.
     failure: Option<TripError>,
     no_more: bool,
@@ -48,7 +61,7 @@ impl TripReader {
     /// Opens a trip and reads as far as its first frame.
     ///
     /// Without an index (a recording that was not closed, or whose writer made none) the whole file is read once, to
-    /// find its topics; nothing of it is kept.
+    /// find its topics; nothing of it is kept. Where several topics are joined, it is read once up to the first frame of each.
     ///
     /// # Errors
     ///
@@ -66,7 +79,12 @@ impl TripReader {
         };
         let poses = poses.and_then(|topic| topic.key().pose_type().map(|of| (topic, of)));
         let commands = commands.and_then(|topic| topic.key().command_type().map(|of| (topic, of)));
-        let mut lookahead = Lookahead::new(path.to_owned(), unit, Topics { frames, poses, commands });
+        let layouts = match frames.0.len() {
+            1 => vec![None],
+            _ => layouts(&mut recording, &topics, &frames, unit)?,
+        };
+        let (path, wanted) = (path.to_owned(), Topics { frames, poses, commands });
+        let mut lookahead = Lookahead::new(path, unit, wanted, layouts, selection.tolerance);
         let layout = loop {
             if let Some(layout) = lookahead.layout() {
                 break layout;
@@ -76,7 +94,15 @@ impl TripReader {
                 None => return Err(no_first_frame(&recording, topics)),
             }
         };
-        Ok(TripReader { recording, lookahead, layout, failure: None, no_more: false, truncation: None })
+        Ok(TripReader {
+            recording,
+            lookahead,
+            layout,
+            tolerance: selection.tolerance,
+            failure: None,
+            no_more: false,
+            truncation: None,
+        })
     }
 
     /// How the readings of every frame lie, and their unit.
@@ -89,10 +115,10 @@ impl TripReader {
         self.lookahead.topics().frames.name()
     }
 
-    /// How many readings were missing so far, of each topic but the first that gives single ranges: no message of it was
-    /// within [`MAX_RANGE_REACH_S`](crate::MAX_RANGE_REACH_S) of the frame. Without those that never were.
-    pub fn missing_readings(&self) -> Vec<(&str, u64)> {
-        self.lookahead.missing_readings()
+    /// How many frames were so far without one of another topic that is joined with them: none of it was captured at their
+    /// time, or at most the tolerance before. By topic, without those of which that never was so.
+    pub fn missing_partners(&self) -> Vec<(&str, u64)> {
+        self.lookahead.missing_partners().map(|(topic, n_missing, _)| (topic, n_missing)).collect()
     }
 
     /// The topic that poses come from, if the trip has one.
@@ -139,14 +165,18 @@ impl TripReader {
     /// What else is to be said of the trip once its end was reached: each a sentence that begins where its name ends.
     pub fn remarks(&self) -> Vec<String> {
         let n_frames = self.lookahead.n_frames();
-        let missing = |(topic, n_missing): (&str, u64)| {
+        let missing = |(topic, n_missing, partner): (&str, u64, &Partner)| {
+            let what = match partner.is_indispensable() {
+                true => "these are taken as invalid",
+                false => "there its reading is taken as invalid",
+            };
             format!(
-                "has no reading of {topic} within {MAX_RANGE_REACH_S} s of {n_missing} of its {n_frames} frames, where it \
-                 is taken as invalid"
+                "has no frame of {topic} at the time of {n_missing} of its {n_frames} frames, or at most {} ms before; {what}",
+                self.tolerance.as_secs_f64() * 1e3
             )
         };
         let truncation = self.truncation.iter().map(Truncation::to_string);
-        truncation.chain(self.missing_readings().into_iter().map(missing)).collect()
+        truncation.chain(self.lookahead.missing_partners().map(missing)).collect()
     }
 
     /// Bytes of the file read so far, and bytes in the file.
@@ -199,6 +229,34 @@ fn topics(recording: &mut Recording, selection: &Selection) -> Result<Vec<Topic>
     }
     recording.rewind()?;
     Ok(topics)
+}
+
+/// What the frames of each of several topics look like, by its first.
+fn layouts(
+    recording: &mut Recording,
+    topics: &[Topic],
+    frames: &FrameTopics,
+    unit: Unit,
+) -> Result<Vec<Option<FrameLayout>>, TripError> {
+    let path = recording.path().to_owned();
+    let mut layouts = vec![None; frames.0.len()];
+    let mut counts = Vec::new();
+    while layouts.contains(&None) {
+        let record = match recording.next_record()? {
+            Some(record) => record,
+            None => return Err(no_first_frame(recording, topics.to_vec())),
+        };
+        let Record::Message { channel_id, data, .. } = record else { continue };
+        let index = frames.0.iter().position(|(topic, _)| topic.channel_ids.contains(&channel_id));
+        let Some(index) = index.filter(|index| layouts[*index].is_none()) else { continue };
+        let (topic, frame_type) = &frames.0[index];
+        let head = read_frame(*frame_type, encoding(topic), data, unit, &mut counts);
+        let fault =
+            |fault| TripError::Message { path: path.clone(), topic: topic.name.clone(), number: 1, fault };
+        layouts[index] = Some(head.map_err(fault)?.layout(unit));
+    }
+    recording.rewind()?;
+    Ok(layouts)
 }
 
 /// Why there is no first frame, when the end has been reached.

@@ -86,7 +86,8 @@ fn topics_are_chosen_by_type_or_by_name_and_else_the_sentence_says_how() {
         &[scan, left],
         &any,
         "TRIP has 2 topics with frames: /left (sensor_msgs/msg/LaserScan, 1 message), \
-         /scan (sensor_msgs/msg/LaserScan, 3 messages); choose one with --frames-topic NAME",
+         /scan (sensor_msgs/msg/LaserScan, 3 messages); choose one with --frames-topic NAME, or join several \
+         with --frames-topic NAME,NAME",
     );
     check(
         &[scan, odom, slam],

@@ -6,6 +6,7 @@ mod commands;
 mod damage;
 mod faults;
 mod info;
+mod joined;
 mod made_by_rosbags;
 mod made_elsewhere;
 mod poses;
