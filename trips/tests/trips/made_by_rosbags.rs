@@ -7,6 +7,7 @@ use std::process::Command;
 use kinds_trips::{Gives, Role, Selection, TripInfo, salvage};
 
 use crate::bag::{Folder, Read, read_with};
+use crate::made_elsewhere::skipped;
 use crate::read_elsewhere::rosbags_is_here;
 
 const N_FRAMES: usize = 3;
@@ -168,6 +169,30 @@ fn a_ros_1_recorder_that_was_killed_leaves_what_stands_in_its_open_chunk() {
     let killed = read_with(&folder.write("killed.bag", &open[..end - 100]), &selection).unwrap();
     assert_eq!(killed.frames.len(), N_FRAMES);
     assert!(killed.truncation.is_some());
+}
+
+#[test]
+fn what_other_programs_coded_by_rvl_is_the_image_that_they_had() {
+    let probe = Command::new("python3").args(["-c", "import rvl, pyrvl, rosbags, numpy"]).output();
+    if !probe.is_ok_and(|probe| probe.status.success()) {
+        return skipped("there is no python3 that has rvl, pyrvl and rosbags");
+    }
+    let folder = Folder::new();
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/trips/write_rvl.py");
+    let output = Command::new("python3").arg(script).arg(folder.join("")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let frames = |topic: &str| {
+        let selection = Selection { frames_topic: Some(topic.to_owned()), ..Selection::default() };
+        let read = read_with(&folder.join("rvl/rvl.mcap"), &selection).unwrap();
+        assert!(read.failure.is_none() && read.truncation.is_none(), "{read:?}");
+        assert_eq!((read.layout.rows, read.layout.columns, read.frames.len()), (37, 53, 6));
+        read.frames
+    };
+    let images = frames("/depth");
+    assert!(images[0].1.contains(&0) && images[0].1.iter().any(|&count| count > 1000));
+    for topic in ["/rvl/compressedDepth", "/pyrvl/compressedDepth"] {
+        assert_eq!(frames(topic), images, "{topic}");
+    }
 }
 
 #[test]
