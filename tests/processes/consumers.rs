@@ -415,10 +415,44 @@ fn the_package_installs_from_the_checkout_and_is_of_the_librarys_version() {
     assert!(installed.status.success(), "{}", String::from_utf8_lossy(&installed.stderr));
     let mut command =
         program(&robot, Path::new("python3"), &["-c", "import natural_kinds; print(natural_kinds.__file__)"]);
-    let outcome = Running::start(command.env("PYTHONPATH", robot.path("site"))).end();
+    // Nobody names the library: it is found as any other, by its soname.
+    command.env("PYTHONPATH", robot.path("site")).env_remove("NATURAL_KINDS_LIBRARY");
+    let outcome = Running::start(&mut command).end();
     assert_eq!(outcome.stderr, "");
     assert!(Path::new(outcome.stdout.trim_end()).starts_with(robot.path("site")), "{outcome:?}");
     assert!(robot.path("site/natural_kinds/py.typed").exists());
+}
+
+#[test]
+fn the_library_is_known_by_its_abi_to_programs_header_and_package() {
+    let robot = Robot::new();
+    if Command::new("readelf").arg("--version").output().is_err() {
+        eprintln!("skipped: there is no readelf");
+        return;
+    }
+    let dynamic_section = |path: &Path| {
+        let output = Command::new("readelf").arg("-dW").arg(path).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let version = env!("CARGO_PKG_VERSION");
+    let abi = concat!(env!("CARGO_PKG_VERSION_MAJOR"), ".", env!("CARGO_PKG_VERSION_MINOR"));
+    let soname = format!("libnatural_kinds.so.{abi}");
+    let library = dynamic_section(&library_folder().join("libnatural_kinds.so"));
+    assert!(library.contains(&format!("Library soname: [{soname}]")), "{library}");
+    if let Some(watch) = compiled(&robot, "consumers/c/examples/watch.c", Linked::Dynamically) {
+        let program = dynamic_section(&watch);
+        assert!(program.contains(&format!("Shared library: [{soname}]")), "{program}");
+    }
+    for (path, part) in [
+        ("consumers/c/include/natural_kinds.h", format!(" {soname}.\n")),
+        ("consumers/python/src/natural_kinds/_library.py", format!("_SONAME = \"{soname}\"\n")),
+        ("Cargo.toml", format!("\"usr/lib/libnatural_kinds.so.{version}\"")),
+        ("Cargo.toml", format!("dest = \"usr/lib/{soname}\", link_name = \"libnatural_kinds.so.{version}\"")),
+        ("Cargo.toml", format!("dest = \"usr/lib/libnatural_kinds.so\", link_name = \"{soname}\"")),
+    ] {
+        assert!(std::fs::read_to_string(checkout(path)).unwrap().contains(&part), "{part} in {path}");
+    }
 }
 
 #[test]

@@ -89,6 +89,7 @@ fn shell(robot: &Robot) -> (Running, impl FnMut(&str)) {
     for (is, at) in [
         (built.to_path_buf(), "target/release/kinds"),
         (built.with_file_name("deps").join("libnatural_kinds.so"), "target/release/libnatural_kinds.so"),
+        ("libnatural_kinds.so".into(), "target/release/libnatural_kinds.so.0.1"),
         (checkout("consumers"), "consumers"),
         (checkout("examples"), "examples"),
     ] {

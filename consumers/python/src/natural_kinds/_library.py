@@ -11,6 +11,8 @@ from ._layout import FramePlace, LoanPlace, ReportFields
 __version__ = "0.1.0"
 
 _NAME = "libnatural_kinds.so"
+# What the system finds it by: the name of its ABI.
+_SONAME = "libnatural_kinds.so.0.1"
 
 ERROR = -1
 RECEIVED = 1
@@ -39,8 +41,8 @@ def _candidates() -> List[str]:
     # In a checkout, this file is consumers/python/src/natural_kinds/_library.py.
     if package.parts[-4:-1] == ("consumers", "python", "src"):
         beside.append(package.parents[3] / "target" / "release" / _NAME)
-    # By its bare name the system looks where it looks for all libraries.
-    return [str(path) for path in beside[:1] if path.exists()] + [_NAME] + [
+    # By its name alone the system looks where it looks for all libraries.
+    return [str(path) for path in beside[:1] if path.exists()] + [_SONAME] + [
         str(path) for path in beside[1:] if path.exists()
     ]
 
