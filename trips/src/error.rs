@@ -47,7 +47,7 @@ pub enum TripError {
         looks_like: &'static str,
     },
     /// Nothing is saved from files of another format.
-    #[error("{} is {looks_like}; only MCAP files can be saved from", path.display())]
+    #[error("{} is {looks_like}; only MCAP files and ROS 1 bags of format 2.0 can be saved from", path.display())]
     UnsavedFormat {
         /// The recording.
         path: PathBuf,

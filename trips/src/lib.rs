@@ -73,6 +73,7 @@ mod recording;
 mod rhythm;
 mod ros1;
 mod ros1_bag;
+mod ros1_record;
 mod rvl;
 mod salvage;
 mod stamp;
