@@ -81,9 +81,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
-    let domain = std::env::var_os("KINDS_DOMAIN");
-    let domain = domain.map_or_else(Domain::default, |folder| Domain::in_folder(Path::new(&folder)));
-    let n_kept = keep_novel(&domain, &sensor, Path::new(&trip), &stop)?;
+    let n_kept = keep_novel(&Domain::of_environment(), &sensor, Path::new(&trip), &stop)?;
     eprintln!("kept {n_kept} novel frames in {trip}");
     Ok(())
 }

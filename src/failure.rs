@@ -76,7 +76,7 @@ impl From<TripError> for Failure {
         match error {
             TripError::Unit { .. } => Self::AskedWrongly(error.to_string()),
             TripError::Damaged { .. } => {
-                Self::CouldNot(format!("{error}; of an MCAP file, `kinds trips recover` saves what is whole"))
+                Self::CouldNot(format!("{error}; `kinds trips recover` saves what is whole of it"))
             }
             _ => Self::CouldNot(error.to_string()),
         }

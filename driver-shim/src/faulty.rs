@@ -240,7 +240,7 @@ mod tests {
             }
             counts.fill(self.next as u16);
             let captured = Stamp(self.next as i64);
-            Ok(Reading::Frame(Capture { captured, pose: None, command: None, true_pose: None }))
+            Ok(Reading::Frame(Capture::at(captured)))
         }
     }
 

@@ -1,4 +1,4 @@
-//! Sensors to the frames channel: the trait [`Sensor`], one module per device, and the [`Shim`] that publishes one.
+//! Sensors to the frames channel: the trait [`Sensor`], one module per device, and the [`Shim`] that publishes one, or [`publish()`] alone.
 //!
 //! ```text
 //! device ─ Sensor::read, into a loan ─▶ Shim ─▶ [frames channel]
@@ -21,6 +21,7 @@ mod layout;
 mod notice;
 mod pace;
 mod paced;
+mod publish;
 mod sensor;
 mod shim;
 pub mod simulated;
@@ -31,6 +32,10 @@ mod tests;
 pub mod v4l2;
 pub mod wire;
 
+// What a device of one's own is written with.
+pub use kinds_messages::{Command, Pose};
+pub use kinds_trips::{FrameLayout, Stamp};
+
 pub use address::{AddressError, DeviceAddress};
 pub use faults::{Faults, FaultsError};
 pub use faulty::{Faulty, Injected};
@@ -39,5 +44,6 @@ pub use layout::LayoutError;
 pub use notice::Notice;
 pub use pace::{Pace, PaceError, Speed};
 pub use paced::{Paced, Replay, Source};
+pub use publish::publish;
 pub use sensor::{Capture, NumberedFrame, Reading, Sensor, SensorError};
 pub use shim::{Shim, ShimError, Summary};

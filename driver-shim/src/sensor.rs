@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use kinds_messages::{Command, Pose};
+use kinds_messages::{Command, Pose, ns_since_epoch};
 use kinds_trips::{FrameLayout, Stamp, TripError};
 
 /// A source of frames.
@@ -61,6 +61,18 @@ pub struct Capture {
     pub command: Option<Command>,
     /// Where the robot truly was, where the device need not guess: a simulated robot's.
     pub true_pose: Option<Pose>,
+}
+
+impl Capture {
+    /// Of a frame that the sensor captured then, and of which nothing else is known.
+    pub fn at(captured: Stamp) -> Self {
+        Self { captured, pose: None, command: None, true_pose: None }
+    }
+
+    /// The same of a frame that comes just now.
+    pub fn now() -> Self {
+        Self::at(Stamp(ns_since_epoch()))
+    }
 }
 
 /// Why a device cannot go on.

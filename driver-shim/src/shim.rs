@@ -3,7 +3,9 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use kinds_messages::{ChannelError, FrameHeader, FramePublisher, Node, SensorName, ns_since_epoch};
+use kinds_messages::{
+    ChannelError, FrameHeader, FramePublisher, Node, SensorName, SensorNameError, ns_since_epoch,
+};
 use kinds_trips::FrameLayout;
 
 use crate::flow::{TICK, Traffic};
@@ -39,6 +41,9 @@ pub enum ShimError {
     /// The frames channel, or the kinds channel that is followed.
     #[error(transparent)]
     Channel(#[from] ChannelError),
+    /// The sensor's name is none.
+    #[error(transparent)]
+    Name(#[from] SensorNameError),
     /// The device.
     #[error(transparent)]
     Sensor(#[from] SensorError),

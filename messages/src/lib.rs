@@ -41,6 +41,7 @@ mod census;
 mod channel;
 mod clock;
 mod domain;
+mod environment;
 mod error;
 mod fixed;
 mod frame_header;

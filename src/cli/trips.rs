@@ -54,9 +54,9 @@ impl ConvertArguments {
 #[derive(Args, Debug)]
 pub(crate) struct RecoverArguments {
     /// Damaged recording; it is only read
-    #[arg(value_name = "IN.mcap")]
+    #[arg(value_name = "IN")]
     pub(crate) from: PathBuf,
-    /// Recording to write: it must not be there yet
+    /// MCAP file to write: it must not be there yet
     #[arg(value_name = "OUT.mcap")]
     pub(crate) to: PathBuf,
 }

@@ -1,7 +1,8 @@
-//! `kinds top`: how all services of the domain fare, and who is connected.
+//! `kinds top`: how all services of the domain fare, and who is connected; of those on other machines, as far as a bridge tells.
 
 mod json;
 mod observer;
+mod passed_on;
 mod screen;
 mod table;
 
@@ -57,6 +58,7 @@ fn print(mut observer: Observer, arguments: &TopArguments, stop: &AtomicBool) ->
         }
         while start.elapsed() < PERIOD && !stop.load(Ordering::Relaxed) {
             std::thread::sleep(LOOK);
+            observer.receive();
         }
     }
     Ok(())

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use kinds_messages::{KindReport, ReportPublisher, monotonic_ns};
 use rustix::process::Signal;
+use serde_json::Value;
 
 use crate::consumer::Consumer;
 use crate::network::{Host, Network, ROBOT};
@@ -360,6 +361,20 @@ fn the_pages_commands_do_what_it_says() {
     let outcome = start(Host::Other, &other, watch).end();
     assert_eq!((outcome.code, outcome.stdout.lines().count()), (Some(0), 5), "{outcome:?}");
     assert!(outcome.stdout.lines().all(|line| line.starts_with("frame ")), "{outcome:?}");
+    // Elsewhere `top` knows what the bridge passes on, and that it does; on the robot all that the service says.
+    let line: Value = serde_json::from_str(&other.succeed(&["top", "--once", "--json"])).unwrap();
+    let seen = &line["sensors"][0];
+    let (passed_on, rate_hz) = (&seen["elsewhere"], seen["elsewhere"]["rate_hz"].as_f64().unwrap());
+    assert!(seen["health"].is_null() && rate_hz > 0.0 && passed_on["kind"].is_u64(), "{line}");
+    let text = other.succeed(&["top", "--once"]);
+    assert!(text.contains(" %         –         –       –       –\n"), "{text}");
+    assert!(
+        text.contains("  served on another machine: a bridge passes on its kinds; its health stays there\n")
+    );
+    let line: Value = serde_json::from_str(&robot.succeed(&["top", "--once", "--json"])).unwrap();
+    let seen = &line["sensors"][0];
+    assert!(seen["elsewhere"].is_null() && seen["health"]["rate_hz"].is_f64(), "{line}");
+    assert_eq!(seen["health"]["model"], passed_on["model"]);
     near.stop(Signal::TERM);
     far.stop(Signal::TERM);
     drop(shim);

@@ -232,17 +232,19 @@ fn time_in_each_kind_is_that_of_the_reports() {
     service.stop(Signal::TERM);
 }
 
+/// What drivers are told on the command line: the sensor, rows, columns, metres per count.
+const DRIVEN: [&str; 4] = [SENSOR, "1", "16", "0.001"];
+
 /// A driver's frames, from its standard input, are classified as those of our own shim.
-fn check_driver(source: &str) {
+fn check_driver(start: impl FnOnce(&Robot) -> Option<Command>) {
     let robot = Robot::trained();
     let service = robot.serve();
-    let Some(driver) = compiled(&robot, source, Linked::Dynamically) else { return };
+    let Some(mut command) = start(&robot) else { return };
     let ours = robot.join().await_end_of(&mut robot.publish(SECOND, "max"));
 
     let frames = robot.join_frames();
     let mut consumer = robot.join();
     let (reader, mut writer) = std::io::pipe().unwrap();
-    let mut command = program(&robot, &driver, &[SENSOR, "1", "16", "0.001"]);
     let driver = Running::start(command.stdin(Stdio::from(reader)));
     drop(command);
     for (sequence, (_, counts)) in (0..).zip(read_trip(&robot.path(SECOND))) {
@@ -272,14 +274,32 @@ fn check(report: &KindReport, ours: &[KindReport]) -> bool {
     true
 }
 
+fn check_compiled_driver(source: &str) {
+    check_driver(|robot| Some(program(robot, &compiled(robot, source, Linked::Dynamically)?, &DRIVEN)));
+}
+
 #[test]
 fn frames_of_a_driver_in_c_are_classified_as_our_own_shims() {
-    check_driver("consumers/c/examples/driver.c");
+    check_compiled_driver("consumers/c/examples/driver.c");
 }
 
 #[test]
 fn frames_of_a_driver_in_cpp_are_classified_as_our_own_shims() {
-    check_driver("consumers/cpp/examples/driver.cpp");
+    check_compiled_driver("consumers/cpp/examples/driver.cpp");
+}
+
+#[test]
+fn frames_of_a_driver_in_python_are_classified_as_our_own_shims() {
+    check_driver(|robot| python(robot, "consumers/python/examples/driver.py", &DRIVEN, "numpy"));
+}
+
+#[test]
+fn frames_from_python_come_as_they_were_sent_and_what_is_no_frame_is_refused() {
+    let robot = Robot::new();
+    let script = "consumers/python/tests/publish.py";
+    let Some(mut command) = python(&robot, script, &[SENSOR], "numpy") else { return };
+    let outcome = Running::start(&mut command).end();
+    assert_eq!((outcome.code, outcome.stdout.as_str(), outcome.stderr.as_str()), (Some(0), "done\n", ""));
 }
 
 /// Starts a reader of frames in Python, and publishes frames of four counts to it, one when it has printed a line for the last.
@@ -395,10 +415,44 @@ fn the_package_installs_from_the_checkout_and_is_of_the_librarys_version() {
     assert!(installed.status.success(), "{}", String::from_utf8_lossy(&installed.stderr));
     let mut command =
         program(&robot, Path::new("python3"), &["-c", "import natural_kinds; print(natural_kinds.__file__)"]);
-    let outcome = Running::start(command.env("PYTHONPATH", robot.path("site"))).end();
+    // Nobody names the library: it is found as any other, by its soname.
+    command.env("PYTHONPATH", robot.path("site")).env_remove("NATURAL_KINDS_LIBRARY");
+    let outcome = Running::start(&mut command).end();
     assert_eq!(outcome.stderr, "");
     assert!(Path::new(outcome.stdout.trim_end()).starts_with(robot.path("site")), "{outcome:?}");
     assert!(robot.path("site/natural_kinds/py.typed").exists());
+}
+
+#[test]
+fn the_library_is_known_by_its_abi_to_programs_header_and_package() {
+    let robot = Robot::new();
+    if Command::new("readelf").arg("--version").output().is_err() {
+        eprintln!("skipped: there is no readelf");
+        return;
+    }
+    let dynamic_section = |path: &Path| {
+        let output = Command::new("readelf").arg("-dW").arg(path).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let version = env!("CARGO_PKG_VERSION");
+    let abi = concat!(env!("CARGO_PKG_VERSION_MAJOR"), ".", env!("CARGO_PKG_VERSION_MINOR"));
+    let soname = format!("libnatural_kinds.so.{abi}");
+    let library = dynamic_section(&library_folder().join("libnatural_kinds.so"));
+    assert!(library.contains(&format!("Library soname: [{soname}]")), "{library}");
+    if let Some(watch) = compiled(&robot, "consumers/c/examples/watch.c", Linked::Dynamically) {
+        let program = dynamic_section(&watch);
+        assert!(program.contains(&format!("Shared library: [{soname}]")), "{program}");
+    }
+    for (path, part) in [
+        ("consumers/c/include/natural_kinds.h", format!(" {soname}.\n")),
+        ("consumers/python/src/natural_kinds/_library.py", format!("_SONAME = \"{soname}\"\n")),
+        ("Cargo.toml", format!("\"usr/lib/libnatural_kinds.so.{version}\"")),
+        ("Cargo.toml", format!("dest = \"usr/lib/{soname}\", link_name = \"libnatural_kinds.so.{version}\"")),
+        ("Cargo.toml", format!("dest = \"usr/lib/libnatural_kinds.so\", link_name = \"{soname}\"")),
+    ] {
+        assert!(std::fs::read_to_string(checkout(path)).unwrap().contains(&part), "{part} in {path}");
+    }
 }
 
 #[test]
@@ -426,6 +480,7 @@ fn readme_shows_the_examples_as_they_are() {
         ("cpp/examples/watch.cpp", "cpp"),
         ("python/examples/watch.py", "python"),
         ("python/examples/frames.py", "python"),
+        ("python/examples/driver.py", "python"),
     ] {
         let source = std::fs::read_to_string(checkout("consumers").join(example)).unwrap();
         assert!(source.lines().count() <= 25, "{example}");

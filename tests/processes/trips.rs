@@ -67,7 +67,7 @@ fn info_tells_what_was_cut_off_and_what_is_damaged() {
     assert!(outcome.stdout.contains("/ring  sensor_msgs/msg/LaserScan"), "{outcome:?}");
     let said = outcome.stderr.trim_end();
     assert!(said.starts_with("kinds: damaged.mcap is damaged at byte "), "{said}");
-    assert!(said.ends_with("; of an MCAP file, `kinds trips recover` saves what is whole"), "{said}");
+    assert!(said.ends_with("; `kinds trips recover` saves what is whole of it"), "{said}");
     robot.refuse(&["trips", "info", "nowhere.mcap"], 1, "no trip at nowhere.mcap: there is no such file");
 }
 
@@ -154,14 +154,19 @@ fn what_cannot_be_saved_from_is_a_sentence_and_leaves_nothing() {
     let robot = Robot::new();
     Trip::SECOND.write(&robot.path(SECOND));
     robot.write("text.mcap", "hello");
-    robot.write("old.bag", "#ROSBAG V2.0\n");
+    robot.write("none.bag", "#ROSBAG V2.0\n");
+    robot.write("old.bag", "#ROSBAG V1.2\n");
     let taken = format!("cannot write {SECOND}: it is there already; choose another name");
     robot.refuse(&["trips", "recover", SECOND, SECOND], 1, &taken);
     let before = robot.files();
     for (from, sentence) in [
         ("nowhere.mcap", "no trip at nowhere.mcap: there is no such file"),
         ("text.mcap", "text.mcap has no whole message to save in its 5 bytes"),
-        ("old.bag", "old.bag is a ROS 1 bag; only MCAP files can be saved from"),
+        ("none.bag", "none.bag has no whole message to save in its 13 bytes"),
+        (
+            "old.bag",
+            "old.bag is a ROS 1 bag of another version; only MCAP files and ROS 1 bags of format 2.0 can be saved from",
+        ),
     ] {
         robot.refuse(&["trips", "recover", from, "saved.mcap"], 1, sentence);
     }

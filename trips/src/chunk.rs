@@ -35,10 +35,16 @@ pub(crate) fn open(chunk_body: &[u8], records: &mut Vec<u8>) -> Result<(), Chunk
 /// all of it. Nothing of a chunk that is all there and not as it was written, since nobody can tell where it is not.
 pub(crate) fn open_beginning(chunk_body: &[u8], records: &mut Vec<u8>) {
     records.clear();
-    let Some((chunk, compressed_bytes)) = ChunkBody::parse_beginning(chunk_body) else { return };
+    if let Some((chunk, compressed_bytes)) = ChunkBody::parse_beginning(chunk_body) {
+        decompress_beginning(&chunk, compressed_bytes, records);
+    }
+}
+
+/// * `compressed_bytes` — that there should be
+fn decompress_beginning(chunk: &ChunkBody<'_>, compressed_bytes: u64, records: &mut Vec<u8>) {
     let is_cut_off = (chunk.compressed.len() as u64) < compressed_bytes;
-    let is_good = match decompress_all(&chunk, records) {
-        Ok(()) if records.len() as u64 == chunk.uncompressed_bytes => check(&chunk, records).is_ok(),
+    let is_good = match decompress_all(chunk, records) {
+        Ok(()) if records.len() as u64 == chunk.uncompressed_bytes => check(chunk, records).is_ok(),
         Ok(()) => is_cut_off && (records.len() as u64) < chunk.uncompressed_bytes,
         // What came before the end of the bytes is there.
         Err(error) => is_cut_off && error.kind() == io::ErrorKind::UnexpectedEof,
@@ -64,10 +70,28 @@ pub(crate) fn open_ros1(
     records: &mut Vec<u8>,
 ) -> Result<(), ChunkFault> {
     records.clear();
-    let compression = if compression == b"none" { b"" } else { compression };
-    let chunk = ChunkBody { uncompressed_bytes, uncompressed_crc: 0, compression, compressed };
+    let chunk = ros1_body(compression, uncompressed_bytes, compressed);
     decompress(&chunk, &[b"", b"bz2", b"lz4"], records)?;
     check_size(&chunk, records)
+}
+
+/// Puts what can be read of such a chunk whose end is not there into `records`.
+///
+/// * `compressed_bytes` — that there should be
+pub(crate) fn open_ros1_beginning(
+    compression: &[u8],
+    uncompressed_bytes: u64,
+    compressed_bytes: u64,
+    compressed: &[u8],
+    records: &mut Vec<u8>,
+) {
+    records.clear();
+    decompress_beginning(&ros1_body(compression, uncompressed_bytes, compressed), compressed_bytes, records);
+}
+
+fn ros1_body<'a>(compression: &'a [u8], uncompressed_bytes: u64, compressed: &'a [u8]) -> ChunkBody<'a> {
+    let compression = if compression == b"none" { b"" } else { compression };
+    ChunkBody { uncompressed_bytes, uncompressed_crc: 0, compression, compressed }
 }
 
 fn check_size(chunk: &ChunkBody<'_>, records: &[u8]) -> Result<(), ChunkFault> {

@@ -47,7 +47,7 @@ pub enum TripError {
         looks_like: &'static str,
     },
     /// Nothing is saved from files of another format.
-    #[error("{} is {looks_like}; only MCAP files can be saved from", path.display())]
+    #[error("{} is {looks_like}; only MCAP files and ROS 1 bags of format 2.0 can be saved from", path.display())]
     UnsavedFormat {
         /// The recording.
         path: PathBuf,
@@ -265,7 +265,9 @@ pub enum MessageFault {
         needed: u64,
     },
     /// Its format is none of compressed distances.
-    #[error("its format is '{format}'; distances are read from 16UC1 and 32FC1 as compressedDepth in PNG")]
+    #[error(
+        "its format is '{format}'; distances are read from 16UC1 and 32FC1 as compressedDepth in PNG or RVL"
+    )]
     CompressedFormat {
         /// The format.
         format: String,
@@ -275,6 +277,12 @@ pub enum MessageFault {
     Png {
         /// What is wrong with it.
         what: String,
+    },
+    /// Its RVL cannot be read.
+    #[error("its RVL cannot be read: {what}")]
+    Rvl {
+        /// What is wrong with it.
+        what: &'static str,
     },
     /// It has more readings than a frame may have.
     #[error("it has {rows} × {columns} readings; a frame has at most {limit}")]

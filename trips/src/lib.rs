@@ -3,8 +3,8 @@
 //! A *trip* is one file: frames of one range sensor and, where the robot knew them, poses (`nav_msgs/Odometry`, or
 //! `geometry_msgs/PoseStamped` where there is no odometry or it is asked for by name) and what it was told to do
 //! (`geometry_msgs/Twist` or `geometry_msgs/TwistStamped`), encoded as CDR or as ROS 1 does. Frames are messages of
-//! `sensor_msgs`: `LaserScan`, `Image` (`16UC1`, `32FC1`), `CompressedImage` (`compressedDepth` in PNG), `PointCloud2`
-//! (organised), `Range`; or `std_msgs/Float32MultiArray`.
+//! `sensor_msgs`: `LaserScan`, `Image` (`16UC1`, `32FC1`), `CompressedImage` (`compressedDepth` in PNG or RVL),
+//! `PointCloud2` (organised), `Range`; or `std_msgs/Float32MultiArray`.
 //!
 //! * [`TripReader`] turns it into *frames*: `u16` counts of a stated unit, each with its time of capture, and the pose
 //!   and the command at that time. Reading streams: memory does not grow with the length of the trip.
@@ -75,6 +75,8 @@ mod recording;
 mod rhythm;
 mod ros1;
 mod ros1_bag;
+mod ros1_record;
+mod rvl;
 mod salvage;
 mod stamp;
 mod summary;

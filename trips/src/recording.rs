@@ -164,13 +164,13 @@ fn begins_as(beginning: &[u8], magic: &[u8]) -> bool {
     beginning[..compared] == magic[..compared]
 }
 
-/// Opens a file that may have been an MCAP file, unless it is known for another.
-pub(crate) fn open_damaged(path: &Path) -> Result<(File, u64), TripError> {
+/// Opens a file that is a ROS 1 bag, or may have been an MCAP file, unless it is known for another.
+pub(crate) fn open_damaged(path: &Path) -> Result<(File, u64, Format), TripError> {
     let (file, n_bytes, beginning) = open_regular(path)?;
     let looks_like = match known_format(&beginning) {
-        _ if begins_as(&beginning, ros1_bag::MAGIC) => "a ROS 1 bag",
+        _ if begins_as(&beginning, ros1_bag::MAGIC) => return Ok((file, n_bytes, Format::Ros1Bag)),
         Some(looks_like) => looks_like,
-        None => return Ok((file, n_bytes)),
+        None => return Ok((file, n_bytes, Format::Mcap)),
     };
     Err(TripError::UnsavedFormat { path: path.to_owned(), looks_like })
 }

@@ -1,5 +1,7 @@
 /* Kinds of places, and the frames that they are told from, through shared memory: libnatural_kinds, for C and C++.
  *
+ * A program that is linked with the shared library starts with any of the same ABI, by the name of libnatural_kinds.so.0.1.
+ *
  * Made of the library's sources; do not edit. Every function that could not do what it was asked for returns KINDS_ERROR or NULL,
  * and kinds_last_error() says why, in words.
  *

@@ -39,14 +39,10 @@ impl Member {
     /// # Safety
     /// As for [`text`].
     pub(crate) unsafe fn join(folder: *const c_char) -> Result<Self, CallError> {
-        let of_environment = std::env::var_os("KINDS_DOMAIN").filter(|folder| !folder.is_empty());
-        let domain = match of_environment {
-            _ if !folder.is_null() => {
-                // SAFETY: the caller's promise is the same.
-                Domain::in_folder(Path::new(unsafe { text(folder, "the domain") }?))
-            }
-            Some(folder) => Domain::in_folder(Path::new(&folder)),
-            None => Domain::default(),
+        let domain = match folder.is_null() {
+            true => Domain::of_environment(),
+            // SAFETY: the caller's promise is the same.
+            false => Domain::in_folder(Path::new(unsafe { text(folder, "the domain") }?)),
         };
         Ok(Self { node: Node::open(&domain, "consumer")?, last_clean_up: Instant::now() })
     }

@@ -165,7 +165,7 @@ impl DepthCamera {
                     .push_back(format!("frames come as they should again; {n} {what} ones were left out"));
             }
         }
-        let capture = Capture { captured: picture.captured, pose: None, command: None, true_pose: None };
+        let capture = Capture::at(picture.captured);
         Some(NumberedFrame { capture, sequence, n_readings: self.layout.n_readings() })
     }
 }

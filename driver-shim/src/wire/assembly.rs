@@ -85,7 +85,7 @@ impl Assembly {
 
     fn begin(&mut self, part: &Part, sequence: u64, now: Stamp) {
         let captured = if part.captured_ns == 0 { now } else { Stamp(part.captured_ns) };
-        let capture = Capture { captured, pose: None, command: None, true_pose: None };
+        let capture = Capture::at(captured);
         self.frame = Some(NumberedFrame { capture, sequence, n_readings: self.has_come.len() });
         self.newest = Some((part.sequence, sequence));
         self.is_anew = false;

@@ -94,7 +94,7 @@ fn whole(layout: FrameLayout, sequence: u32) -> Vec<u8> {
 /// What must come of a frame of [`parts_of`].
 fn frame_of(layout: FrameLayout, device: u32, sequence: u64) -> Frame {
     let captured = Stamp(5000 + i64::from(device));
-    let capture = Capture { captured, pose: None, command: None, true_pose: None };
+    let capture = Capture::at(captured);
     let counts = counts_of(layout, device);
     (NumberedFrame { capture, sequence, n_readings: counts.len() }, counts)
 }

@@ -1,11 +1,14 @@
 //! What `kinds top --json` prints.
 
+use std::time::Instant;
+
 use kinds_messages::{HealthReport, Latency, Program, StageLatencies};
 use kinds_model::ModelId;
 use serde_json::{Value, json};
 
-use crate::commands::top::observer::{Observer, Seen, Service};
-use crate::commands::top::table::name_now;
+use crate::commands::top::observer::{LastFrame, Observer, Seen, Service};
+use crate::commands::top::passed_on::PassedOn;
+use crate::commands::top::table::name_of;
 use crate::kind_names::KindNames;
 
 /// All that is seen, on one line.
@@ -22,19 +25,46 @@ fn sensor_json(sensor: &str, seen: &Seen, names: &KindNames) -> Value {
         Service::Heard { said, age } => (Some(health_json(&said.health, names)), Some(age.as_secs_f64())),
         _ => (None, None),
     };
-    json!({ "sensor": sensor, "programs": programs, "health": health, "health_age_s": age_s })
+    let elsewhere = match seen.service() {
+        Service::Elsewhere(passed_on) => Some(elsewhere_json(passed_on, names)),
+        _ => None,
+    };
+    json!({
+        "sensor": sensor,
+        "programs": programs,
+        "health": health,
+        "health_age_s": age_s,
+        "elsewhere": elsewhere,
+    })
+}
+
+/// What is known of a service on another machine.
+fn elsewhere_json(passed_on: &PassedOn, names: &KindNames) -> Value {
+    let now = Instant::now();
+    let last = passed_on.last().map(LastFrame::of_report);
+    json!({
+        "rate_hz": passed_on.rate_hz(now),
+        "silence_s": passed_on.silence(now).as_secs_f64(),
+        "sequence": passed_on.last().map(|report| report.sequence),
+        "model": last.as_ref().map(|last| ModelId(last.model_id).to_string()),
+        "kind": last.as_ref().map(|last| last.kind),
+        "kind_name": last.as_ref().and_then(|last| name_of(last, names)),
+        "probability": last.as_ref().map(|last| last.probability),
+        "novelty": last.as_ref().map(|last| last.novelty),
+    })
 }
 
 fn health_json(health: &HealthReport, names: &KindNames) -> Value {
+    let last = LastFrame::of_health(health);
     json!({
         "uptime_s": health.uptime_ns as f64 / 1e9,
         "model": ModelId(health.model_id).to_string(),
         "rate_hz": health.rate_hz(),
         "has_shim": health.has_shim(),
-        "kind": health.last_status().map(|_| health.last_kind),
-        "kind_name": name_now(health, names),
-        "probability": health.last_status().map(|_| health.last_probability),
-        "novelty": health.last_status().map(|_| health.last_novelty),
+        "kind": last.as_ref().map(|last| last.kind),
+        "kind_name": last.as_ref().and_then(|last| name_of(last, names)),
+        "probability": last.as_ref().map(|last| last.probability),
+        "novelty": last.as_ref().map(|last| last.novelty),
         "n_frames": health.n_frames,
         "n_classified": health.n_classified,
         "n_invalid": health.n_invalid,

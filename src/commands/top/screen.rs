@@ -136,6 +136,7 @@ fn about(sensor: &SensorName, seen: &Seen, names: &KindNames) -> Vec<Line<'stati
     let mut lines = vec![Line::from(sensor.to_string()).bold()];
     lines.push(Line::from(table::connections(&seen.programs)));
     lines.extend(table::named(seen, names).map(Line::from));
+    lines.extend(table::whereabouts(seen).map(Line::from));
     lines.extend(table::remark(seen).map(|remark| Line::from(remark).yellow()));
     if let Service::Heard { said, .. } = seen.service() {
         lines.extend(table::details(said).into_iter().map(Line::from));

@@ -1,15 +1,19 @@
 //! What is seen in words and numbers: a row for each sensor, and all about one.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use kinds_messages::{HealthReport, Latency, Program, ReportStatus, SensorName};
 use kinds_model::ModelId;
 
-use crate::commands::top::observer::{Observer, SILENCE, Said, Seen, Service};
+use crate::commands::top::observer::{LastFrame, Observer, SILENCE, Said, Seen, Service};
+use crate::commands::top::passed_on::PassedOn;
 use crate::kind_names::KindNames;
 
 /// Least width of the names of sensors: the rows are 79 columns wide then.
 const NAME_WIDTH: usize = 17;
+
+/// What stands for a number that stays on the service's machine.
+const UNKNOWN: &str = "–";
 
 /// Columns of the bar that shows the probability of the kind of the last frame.
 const BAR_WIDTH: usize = 8;
@@ -24,6 +28,7 @@ pub(crate) fn text(observer: &Observer) -> Vec<String> {
     for (sensor, seen) in &observer.sensors {
         lines.push(row(sensor, seen, width));
         lines.extend(named(seen, &observer.names).map(|named| format!("  {named}")));
+        lines.extend(whereabouts(seen).map(|whereabouts| format!("  {whereabouts}")));
         lines.extend(remark(seen).map(|remark| format!("  {remark}")));
         lines.push(format!("  {}", connections(&seen.programs)));
     }
@@ -55,10 +60,11 @@ pub(crate) fn heading(width: usize) -> String {
 pub(crate) fn row(sensor: &SensorName, seen: &Seen, width: usize) -> String {
     let rest = match seen.service() {
         Service::None => " not served".to_string(),
-        Service::Unreadable(_) => " served, but its health cannot be read".to_string(),
+        Service::Unreadable(_) => " served, but how it fares cannot be read".to_string(),
         Service::Mute => " served; nothing heard yet".to_string(),
         Service::Heard { age, .. } if age >= SILENCE => format!(" silent for {}", span(age)),
         Service::Heard { said, .. } => numbers(&said.health),
+        Service::Elsewhere(passed_on) => numbers_elsewhere(passed_on, Instant::now()),
     };
     format!("{:width$} {rest}", sensor.as_str())
 }
@@ -66,34 +72,51 @@ pub(crate) fn row(sensor: &SensorName, seen: &Seen, width: usize) -> String {
 fn numbers(health: &HealthReport) -> String {
     let latency = &health.last_interval.sent_to_reported;
     let [p50, p999] = [latency.p50_ns, latency.p999_ns].map(micros);
-    let (rate_hz, kind) = (health.rate_hz(), kind_now(health));
+    let (rate_hz, kind) = (health.rate_hz(), kind_now(LastFrame::of_health(health)));
     format!("{rate_hz:7.1} {kind:>17} {p50:>9} {p999:>9} {:7} {:7}", health.n_lost, health.n_late)
 }
 
+/// What is known of them without health.
+fn numbers_elsewhere(passed_on: &PassedOn, now: Instant) -> String {
+    let kind = kind_now(passed_on.last().map(LastFrame::of_report));
+    let rate_hz = passed_on.rate_hz(now).map_or(UNKNOWN.to_string(), |rate_hz| format!("{rate_hz:.1}"));
+    format!("{rate_hz:>7} {kind:>17} {UNKNOWN:>9} {UNKNOWN:>9} {UNKNOWN:>7} {UNKNOWN:>7}")
+}
+
 /// The kind of the last frame, and how probable it is.
-fn kind_now(health: &HealthReport) -> String {
-    match health.last_status() {
+fn kind_now(last: Option<LastFrame>) -> String {
+    match last {
         None => "no frame yet".to_string(),
-        Some(ReportStatus::Invalid) => "invalid".to_string(),
-        Some(ReportStatus::Classified) => {
-            let share = health.last_probability.clamp(0.0, 1.0);
+        Some(LastFrame { status: ReportStatus::Invalid, .. }) => "invalid".to_string(),
+        Some(LastFrame { status: ReportStatus::Classified, kind, probability, .. }) => {
+            let share = probability.clamp(0.0, 1.0);
             let n_full = (share * BAR_WIDTH as f64).round() as usize;
             let bar = "█".repeat(n_full) + &"·".repeat(BAR_WIDTH - n_full);
-            format!("{:2} {bar} {:3.0} %", health.last_kind, 100.0 * share)
+            format!("{kind:2} {bar} {:3.0} %", 100.0 * share)
         }
     }
 }
 
 /// What a person calls the kind of the last frame, if anything.
 pub(crate) fn named(seen: &Seen, names: &KindNames) -> Option<String> {
-    let Service::Heard { said: Said { health, .. }, .. } = seen.service() else { return None };
-    name_now(health, names).map(|name| format!("kind {} is {name}", health.last_kind))
+    let last = seen.service().last_frame()?;
+    name_of(&last, names).map(|name| format!("kind {} is {name}", last.kind))
 }
 
-/// The name of the kind of the last frame.
-pub(crate) fn name_now<'a>(health: &HealthReport, names: &'a KindNames) -> Option<&'a str> {
-    match health.last_status() {
-        Some(ReportStatus::Classified) => names.name(health.model_id, health.last_kind),
+/// The name of a frame's kind.
+pub(crate) fn name_of<'a>(frame: &LastFrame, names: &'a KindNames) -> Option<&'a str> {
+    match frame.status {
+        ReportStatus::Classified => names.name(frame.model_id, frame.kind),
+        ReportStatus::Invalid => None,
+    }
+}
+
+/// Where the service is, if not here.
+pub(crate) fn whereabouts(seen: &Seen) -> Option<String> {
+    match seen.service() {
+        Service::Elsewhere(_) => Some(
+            "served on another machine: a bridge passes on its kinds; its health stays there".to_string(),
+        ),
         _ => None,
     }
 }
@@ -107,9 +130,16 @@ pub(crate) fn remark(seen: &Seen) -> Option<String> {
         Service::Heard { said, .. } if !said.health.has_shim() => {
             Some("no driver shim publishes this sensor".to_string())
         }
+        Service::Elsewhere(passed_on) => silence(passed_on, Instant::now()),
         Service::Unreadable(why) => Some(why.to_string()),
         Service::None | Service::Mute | Service::Heard { .. } => None,
     }
+}
+
+fn silence(passed_on: &PassedOn, now: Instant) -> Option<String> {
+    let silence = passed_on.silence(now);
+    (silence >= SILENCE)
+        .then(|| format!("no report has come for {}: look at the link, and at the robot", span(silence)))
 }
 
 pub(crate) fn connections(programs: &[Program]) -> String {
@@ -211,6 +241,8 @@ fn span(time: Duration) -> String {
 
 #[cfg(test)]
 mod tests {
+    use kinds_messages::KindReport;
+
     use super::*;
 
     fn said() -> Said {
@@ -232,7 +264,7 @@ mod tests {
             n_classified: 15_200,
             n_invalid: 34,
             n_lost: 12,
-            last_status: kinds_messages::KindReport::CLASSIFIED,
+            last_status: KindReport::CLASSIFIED,
             last_kind: 3,
             last_probability: 0.76,
             last_novelty: 0.125,
@@ -253,9 +285,33 @@ mod tests {
             "sensor                 Hz          kind now    p50 µs  p99.9 µs    lost    late"
         );
         assert_eq!(numbers(&health), "    5.0  3 ██████··  76 %     15200     62040      12       0");
-        let invalid = HealthReport { last_status: kinds_messages::KindReport::INVALID, ..health };
-        assert_eq!(kind_now(&invalid), "invalid");
-        assert_eq!(kind_now(&HealthReport::default()), "no frame yet");
+        let invalid = HealthReport { last_status: KindReport::INVALID, ..health };
+        assert_eq!(kind_now(LastFrame::of_health(&invalid)), "invalid");
+        assert_eq!(kind_now(LastFrame::of_health(&HealthReport::default())), "no frame yet");
+    }
+
+    #[test]
+    fn of_a_service_elsewhere_what_is_known_stands_in_its_place_and_silence_is_told() {
+        let begin = Instant::now();
+        let at = |ms| begin + Duration::from_millis(ms);
+        let mut passed_on = PassedOn::begun(begin);
+        assert_eq!(
+            numbers_elsewhere(&passed_on, at(0)),
+            "      –      no frame yet         –         –       –       –"
+        );
+        let mut report = KindReport::default();
+        report.set_kinds([3].into_iter(), [].into_iter());
+        report.set_probabilities(&[0.76], &[0.76]);
+        report.status = KindReport::CLASSIFIED;
+        for ms in [0, 500, 1000] {
+            passed_on.add(report, at(ms));
+        }
+        let row = numbers_elsewhere(&passed_on, at(1000));
+        assert_eq!(row, "    2.0  3 ██████··  76 %         –         –       –       –");
+        assert_eq!(row.chars().count(), numbers(&said().health).chars().count());
+        assert_eq!(silence(&passed_on, at(3900)), None);
+        let told = "no report has come for 4 s: look at the link, and at the robot";
+        assert_eq!(silence(&passed_on, at(5000)).as_deref(), Some(told));
     }
 
     #[test]

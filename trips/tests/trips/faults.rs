@@ -359,13 +359,11 @@ fn compressed_images_that_are_no_frames_are_named_with_what_is_wrong() {
         let expected = format!("message 1 on /topic in {}: {expected}", path.display());
         assert!(sentence.starts_with(&expected), "{sentence}");
     };
-    let other = "distances are read from 16UC1 and 32FC1 as compressedDepth in PNG";
+    let other = "distances are read from 16UC1 and 32FC1 as compressedDepth in PNG or RVL";
     check(b"jpeg\0", &[0; 40], &format!("its format is 'jpeg'; {other}"));
-    check(
-        b"16UC1; compressedDepth rvl\0",
-        &[0; 40],
-        &format!("its format is '16UC1; compressedDepth rvl'; {other}"),
-    );
+    for format in ["16UC1; compressedDepth zstd", "16UC1; png"] {
+        check(format.as_bytes(), &[0; 40], &format!("its format is '{format}'; {other}"));
+    }
     check(b"8UC1; compressedDepth\0", &[0; 40], &format!("its format is '8UC1; compressedDepth'; {other}"));
     check(b"16UC1; compressedDepth\0", &[0; 11], "its ");
     check(b"16UC1; compressedDepth\0", &[0; 40], "its PNG cannot be read: ");
@@ -374,4 +372,17 @@ fn compressed_images_that_are_no_frames_are_named_with_what_is_wrong() {
     claims.extend(b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\x7f\xff\xff\xff\x7f\xff\xff\xff\x10\0\0\0\0");
     claims.extend([0; 20]);
     check(b"16UC1; compressedDepth\0", &claims, "its PNG cannot be read: ");
+    let rvl = |columns: u32, rows: u32, words: &[u8]| {
+        [&[0; 12], &columns.to_le_bytes()[..], &rows.to_le_bytes(), words].concat()
+    };
+    let check_rvl = |data: &[u8], expected: &str| check(b"16UC1; compressedDepth rvl\0", data, expected);
+    check_rvl(&[0; 19], "its 79 bytes end before its last field does");
+    check_rvl(&rvl(3, 2, &[]), "its RVL cannot be read: it ends before its last pixel");
+    check_rvl(&rvl(3, 2, &[0, 0, 0, 0x70]), "its RVL cannot be read: it has more pixels than it says");
+    check_rvl(&rvl(3, 2, &[0xff; 8]), "its RVL cannot be read: a number in it has more than 32 bits");
+    check_rvl(&rvl(0, 2, &[0; 8]), "it has no readings (2 × 0)");
+    check_rvl(
+        &rvl(u32::MAX, u32::MAX, &[0; 8]),
+        "it has 4294967295 × 4294967295 readings; a frame has at most 16777216",
+    );
 }

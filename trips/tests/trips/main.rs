@@ -14,3 +14,4 @@ mod ranges;
 mod read_elsewhere;
 mod round_trip;
 mod salvage;
+mod salvage_ros1;

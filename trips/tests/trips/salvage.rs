@@ -9,10 +9,10 @@ use crate::bag::{Bag, Folder, LASER_SCAN, ODOMETRY, odometry, read, read_whole, 
 use crate::damage::{N_FRAMES, chunk_ends, flips, layouts, write_unchecked};
 
 /// A message of a recording: topic, type, time, number, and its bytes.
-type Message = (String, String, u64, u32, Vec<u8>);
+pub(crate) type Message = (String, String, u64, u32, Vec<u8>);
 
 /// All messages of a whole recording, in the order of the file.
-fn messages(path: &Path) -> Vec<Message> {
+pub(crate) fn messages(path: &Path) -> Vec<Message> {
     let bytes = std::fs::read(path).unwrap();
     let stream = mcap::MessageStream::new(&bytes).unwrap();
     let message = |message: mcap::Message<'_>| {
@@ -25,7 +25,7 @@ fn messages(path: &Path) -> Vec<Message> {
 
 /// Saves from these bytes; what came of it, and the messages that were saved. Afterwards the wreck is as it was, and there is
 /// no other file than it and what was saved.
-fn saved(folder: &Folder, bytes: &[u8]) -> Result<(Salvage, Vec<Message>), SalvageError> {
+pub(crate) fn saved(folder: &Folder, bytes: &[u8]) -> Result<(Salvage, Vec<Message>), SalvageError> {
     let (from, to) = (folder.write("wreck.mcap", bytes), folder.join("saved.mcap"));
     let _ = std::fs::remove_file(&to);
     let before = folder.names();

@@ -5,6 +5,11 @@ import ctypes
 MAX_KINDS = 64
 MAX_DIMS = 32
 
+# Flags of a frame's header.
+HAS_POSE = 1
+HAS_COMMAND = 2
+HAS_TRUE_POSE = 4
+
 
 class Pose(ctypes.Structure):
     """Place of the robot on the floor, in the frame that it calls fixed."""
@@ -77,6 +82,16 @@ class FramePlace(ctypes.Structure):
 
     _fields_ = [
         ("header", ctypes.POINTER(FrameHeaderFields)),
+        ("counts", ctypes.c_void_p),
+        ("n_readings", ctypes.c_size_t),
+    ]
+
+
+class LoanPlace(ctypes.Structure):
+    """Where a frame that is being filled lies, and what will be said of it (``kinds_loan``)."""
+
+    _fields_ = [
+        ("header", FrameHeaderFields),
         ("counts", ctypes.c_void_p),
         ("n_readings", ctypes.c_size_t),
     ]

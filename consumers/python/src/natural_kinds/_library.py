@@ -4,13 +4,15 @@ import ctypes
 import os
 import time
 from pathlib import Path
-from typing import Callable, List, Optional, Union
+from typing import Any, Callable, List, Optional, Union
 
-from ._layout import FramePlace, ReportFields
+from ._layout import FramePlace, LoanPlace, ReportFields
 
 __version__ = "0.1.0"
 
 _NAME = "libnatural_kinds.so"
+# What the system finds it by: the name of its ABI.
+_SONAME = "libnatural_kinds.so.0.1"
 
 ERROR = -1
 RECEIVED = 1
@@ -39,8 +41,8 @@ def _candidates() -> List[str]:
     # In a checkout, this file is consumers/python/src/natural_kinds/_library.py.
     if package.parts[-4:-1] == ("consumers", "python", "src"):
         beside.append(package.parents[3] / "target" / "release" / _NAME)
-    # By its bare name the system looks where it looks for all libraries.
-    return [str(path) for path in beside[:1] if path.exists()] + [_NAME] + [
+    # By its name alone the system looks where it looks for all libraries.
+    return [str(path) for path in beside[:1] if path.exists()] + [_SONAME] + [
         str(path) for path in beside[1:] if path.exists()
     ]
 
@@ -77,6 +79,13 @@ def _declared(library: ctypes.CDLL, path: str) -> ctypes.CDLL:
         ("kinds_frames_next", ctypes.c_int32, [handle, number, ctypes.POINTER(FramePlace)]),
         ("kinds_frames_release", ctypes.c_int32, [handle, ctypes.POINTER(FramePlace)]),
         ("kinds_frames_close", None, [handle]),
+        ("kinds_publisher_open", handle, [text, text, number, number, ctypes.c_double]),
+        ("kinds_publisher_borrow", ctypes.c_int32, [handle, ctypes.POINTER(LoanPlace)]),
+        ("kinds_publisher_send", ctypes.c_int32, [handle, ctypes.POINTER(LoanPlace)]),
+        ("kinds_publisher_give_back", ctypes.c_int32, [handle, ctypes.POINTER(LoanPlace)]),
+        ("kinds_publisher_update", ctypes.c_int32, [handle]),
+        ("kinds_publisher_n_readers", ctypes.c_int32, [handle]),
+        ("kinds_publisher_close", None, [handle]),
     ]:
         function = getattr(library, name, None)
         if function is None:
@@ -102,18 +111,23 @@ class Handle:
     """Something that the library opened, closed when nobody refers to it any more."""
 
     def __init__(
-        self, kind: str, sensor: str, domain: "Union[str, os.PathLike[str], None]", polling: bool
+        self, kind: str, sensor: str, domain: "Union[str, os.PathLike[str], None]", *arguments: Any
     ) -> None:
         opened = getattr(LIBRARY, f"kinds_{kind}_open")
         folder = None if domain is None else os.fsencode(domain)
         self._close = getattr(LIBRARY, f"kinds_{kind}_close")
-        self.pointer = opened(sensor.encode(), folder, POLLING if polling else BY_EVENT)
+        self.pointer = opened(sensor.encode(), folder, *arguments)
         if not self.pointer:
             raise fail()
 
     def __del__(self) -> None:
         if getattr(self, "pointer", None):
             self._close(self.pointer)
+
+
+def waiting(polling: bool) -> int:
+    """How the library is to wait."""
+    return POLLING if polling else BY_EVENT
 
 
 def wait(timeout_s: Optional[float], take: Callable[[int], int]) -> bool:

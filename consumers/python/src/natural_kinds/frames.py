@@ -8,12 +8,8 @@ from typing import Any, Deque, Dict, Iterator, Optional, Type, Union
 
 import numpy as np
 
-from ._layout import Command, FrameHeaderFields, FramePlace, Pose
-from ._library import LIBRARY, Handle, fail, wait
-
-_HAS_POSE = 1
-_HAS_COMMAND = 2
-_HAS_TRUE_POSE = 4
+from ._layout import HAS_COMMAND, HAS_POSE, HAS_TRUE_POSE, Command, FrameHeaderFields, FramePlace, Pose
+from ._library import LIBRARY, Handle, fail, wait, waiting
 
 
 class FrameHeader(FrameHeaderFields):
@@ -32,17 +28,17 @@ class FrameHeader(FrameHeaderFields):
     @property
     def pose(self) -> Optional[Pose]:
         """Where the robot takes itself to have been, if it knew."""
-        return FrameHeaderFields.pose.__get__(self) if self.flags & _HAS_POSE else None
+        return FrameHeaderFields.pose.__get__(self) if self.flags & HAS_POSE else None
 
     @property
     def command(self) -> Optional[Command]:
         """What the robot had been told to do, if it knew."""
-        return FrameHeaderFields.command.__get__(self) if self.flags & _HAS_COMMAND else None
+        return FrameHeaderFields.command.__get__(self) if self.flags & HAS_COMMAND else None
 
     @property
     def true_pose(self) -> Optional[Pose]:
         """Where the robot was, told by somebody who need not guess, if there was one."""
-        return FrameHeaderFields.true_pose.__get__(self) if self.flags & _HAS_TRUE_POSE else None
+        return FrameHeaderFields.true_pose.__get__(self) if self.flags & HAS_TRUE_POSE else None
 
 
 class _Slot:
@@ -96,7 +92,7 @@ class Frames:
     def __init__(
         self, sensor: str, domain: "Union[str, os.PathLike[str], None]" = None, *, polling: bool = False
     ) -> None:
-        self._handle: Optional[Handle] = Handle("frames", sensor, domain, polling)
+        self._handle: Optional[Handle] = Handle("frames", sensor, domain, waiting(polling))
         self._gone: Deque[FramePlace] = deque()
 
     def next(self, timeout_s: Optional[float] = None) -> Optional[Frame]:

@@ -8,7 +8,7 @@ from typing import Iterator, NamedTuple, Optional, Type, Union
 import numpy as np
 
 from ._layout import MAX_KINDS, ReportFields
-from ._library import LIBRARY, Handle, fail, wait
+from ._library import LIBRARY, Handle, fail, wait, waiting
 
 _CLASSIFIED = 0
 
@@ -102,7 +102,7 @@ class Kinds:
     def __init__(
         self, sensor: str, domain: "Union[str, os.PathLike[str], None]" = None, *, polling: bool = False
     ) -> None:
-        self._handle: Optional[Handle] = Handle("reports", sensor, domain, polling)
+        self._handle: Optional[Handle] = Handle("reports", sensor, domain, waiting(polling))
 
     def next(self, timeout_s: Optional[float] = None) -> Optional[Report]:
         """The oldest report that waits, or the next until the timeout (without one: for ever), or ``None``."""
