@@ -17,7 +17,8 @@ use kinds_trips::{Choice, Selection, TripInfo, TripReader, salvage};
 /// A model file. What is not refused is written again as the same bytes.
 pub(crate) fn model(bytes: &[u8]) -> Result<(), String> {
     let model = file::from_bytes(&Bytes::copy_from_slice(bytes)).map_err(|error| error.to_string())?;
-    assert_eq!(file::to_bytes(&model), bytes, "a model that is read is a model that was written");
+    // Not shown side by side: they are long.
+    assert!(file::to_bytes(&model) == bytes, "a model that is read is a model that was written");
     Ok(())
 }
 

@@ -42,6 +42,9 @@ pub(crate) struct RecordConfig {
     /// End after this many frames, of all sensors together [default: at SIGINT or SIGTERM]
     #[arg(long, value_name = "N")]
     count: Option<u64>,
+    /// Record only frames that the model in use calls novel, and their kinds: a trip that `kinds update` can learn from
+    #[arg(long)]
+    novel: bool,
     /// Begin another trip when one has so many megabytes (10⁶ bytes); needs a folder [default: never]
     #[arg(long, value_name = "MB")]
     trip_mb_max: Option<u64>,
@@ -93,6 +96,8 @@ pub(crate) struct RecordPlan {
     pub(crate) sensors: SensorNames,
     pub(crate) output: PathBuf,
     pub(crate) count: Option<u64>,
+    /// Only frames that are called novel.
+    pub(crate) novel: bool,
     pub(crate) limits: Limits,
 }
 
@@ -123,6 +128,7 @@ impl RecordConfig {
             sensor: over.sensor.or(self.sensor),
             output: over.output.or(self.output),
             count: over.count.or(self.count),
+            novel: over.novel || self.novel,
             trip_mb_max: over.trip_mb_max.or(self.trip_mb_max),
             trip_s_max: over.trip_s_max.or(self.trip_s_max),
             keep: over.keep.or(self.keep),
@@ -146,6 +152,7 @@ impl RecordConfig {
             sensors: self.sensor.ok_or_else(|| not_said("which sensor to record", "sensor"))?,
             output: self.output.ok_or_else(|| not_said("where to record to", "output"))?,
             count: self.count,
+            novel: self.novel,
             limits: Limits {
                 trip_bytes_max: self.trip_mb_max.map(|mb| mb.saturating_mul(MB)),
                 trip_duration_max: self.trip_s_max.map(Duration::from_secs),

@@ -1,5 +1,6 @@
 //! `kinds record`: frames, poses, commands, kinds and health of one sensor or several, from shared memory into a trip.
 
+use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -9,6 +10,7 @@ use kinds_messages::{
     Frame, FrameHeader, FrameReader, HealthReader, HealthReport, KindReport, Node, ReportReader,
     ReportStatus, SensorName, ns_since_epoch,
 };
+use kinds_model::novelty::FALSE_ALARM_RATE;
 use kinds_trips::{FrameLayout, Stamp};
 
 use crate::cli::{Limits, RecordArguments, RecordPlan, SensorNames};
@@ -32,11 +34,14 @@ const FLUSH_PERIOD: Duration = Duration::from_secs(1);
 /// Silence of a service that ends the wait for its report on the last frame.
 const SILENCE: Duration = Duration::from_secs(2);
 
+/// Frames of a sensor that may be on their way to their report.
+const N_WAITING_MAX: usize = 64;
+
 /// How often what killed programs left is looked for.
 const CLEAN_UP_PERIOD: Duration = Duration::from_secs(2);
 
 pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
-    let RecordPlan { sensors, output, count, limits } = arguments.plan()?;
+    let RecordPlan { sensors, output, count, novel, limits } = arguments.plan()?;
     let destination = Destination::new(output.clone(), &sensors.to_string());
     if limits.need_folder() && !destination.is_folder() {
         return Err(Failure::CouldNot(format!(
@@ -58,6 +63,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<(), Failure> {
     let mut recorder = Recorder {
         destination,
         limits,
+        only_novel: novel,
         sources,
         trip,
         n_frames: 0,
@@ -105,6 +111,21 @@ struct Source {
     /// Of the last frame: its run, and its number in it.
     last_frame: Option<(u64, u64)>,
     last_report: Option<(u64, u64)>,
+    /// Where only novel frames are recorded: those that are not reported yet.
+    waiting: VecDeque<Taken>,
+}
+
+/// A frame that was taken.
+struct Taken {
+    header: FrameHeader,
+    layout: FrameLayout,
+    counts: Vec<u16>,
+}
+
+impl Taken {
+    fn id(&self) -> (u64, u64) {
+        (self.header.run, self.header.sequence)
+    }
 }
 
 impl Source {
@@ -119,6 +140,7 @@ impl Source {
             refused_run: None,
             last_frame: None,
             last_report: None,
+            waiting: VecDeque::new(),
         })
     }
 
@@ -132,6 +154,8 @@ impl Source {
 struct Recorder {
     destination: Destination,
     limits: Limits,
+    /// Frames wait for their report, and those that are not novel go.
+    only_novel: bool,
     sources: Vec<Source>,
     /// The one that is being recorded.
     trip: Recording,
@@ -201,6 +225,10 @@ impl Recorder {
             self.take_frame(index, &frame)?;
         }
         for report in &reported {
+            // A novel frame is written when its report is here.
+            if self.only_novel && self.n_frames == n_frames_max {
+                break;
+            }
             self.take_report(index, report)?;
         }
         while let Some(health) = self.sources[index].health.receive()? {
@@ -238,6 +266,23 @@ impl Recorder {
             losses.n_left_out += 1;
             return Ok(());
         }
+        if self.only_novel {
+            if source.waiting.len() == N_WAITING_MAX {
+                source.waiting.pop_front();
+            }
+            source.waiting.push_back(Taken { header: *header, layout, counts: frame.counts().to_vec() });
+            return Ok(());
+        }
+        self.write_frame(index, header, layout, frame.counts())
+    }
+
+    fn write_frame(
+        &mut self,
+        index: usize,
+        header: &FrameHeader,
+        layout: FrameLayout,
+        counts: &[u16],
+    ) -> Result<(), Failure> {
         if let Some(expected) = self.trip.parts[index].layout.filter(|expected| *expected != layout) {
             if !self.destination.is_folder() {
                 return Err(Failure::CouldNot(format!(
@@ -247,7 +292,7 @@ impl Recorder {
             self.begin_another_trip()?;
         }
         self.n_frames += 1;
-        self.trip.add_frame(index, &self.sources[index].topics, frame, layout)
+        self.trip.add_frame(index, &self.sources[index].topics, header, layout, counts)
     }
 
     /// Takes kinds of frames that are in this trip or the one before; a late joiner's first report may be of one that is in
@@ -261,10 +306,21 @@ impl Recorder {
         }
         source.last_report = Some((report.run, report.sequence));
         self.last_taken = Instant::now();
-        match self.is_paused {
-            true => Ok(()),
-            false => self.trip.add_report(&source.topics, report),
+        if self.is_paused {
+            return Ok(());
         }
+        if self.only_novel {
+            let id = (report.run, report.sequence);
+            let Some(at) = source.waiting.iter().position(|frame| frame.id() == id) else { return Ok(()) };
+            // Those before it will not be reported any more.
+            source.waiting.drain(..at);
+            let Some(Taken { header, layout, counts }) = source.waiting.pop_front() else { return Ok(()) };
+            if report.status() != ReportStatus::Classified || report.novelty < 1.0 - FALSE_ALARM_RATE {
+                return Ok(());
+            }
+            self.write_frame(index, &header, layout, &counts)?;
+        }
+        self.trip.add_report(&self.sources[index].topics, report)
     }
 
     /// Whether all frames that were asked for are there, and the report on the last of each sensor that somebody reports on.
@@ -272,7 +328,7 @@ impl Recorder {
         if self.n_frames < n_frames_max {
             return Ok(false);
         }
-        if self.last_taken.elapsed() >= SILENCE {
+        if self.only_novel || self.last_taken.elapsed() >= SILENCE {
             return Ok(true);
         }
         for source in &self.sources {
@@ -340,7 +396,7 @@ impl Recorder {
     }
 
     fn end(self) -> Result<(), Failure> {
-        let Self { destination, limits, sources, trip, n_trips_ended, .. } = self;
+        let Self { destination, limits, only_novel, sources, trip, n_trips_ended, .. } = self;
         if trip.n_frames > 0 {
             let path = trip.path.clone();
             mention(trip.end(&sources)?)?;
@@ -352,6 +408,9 @@ impl Recorder {
         }
         let path = trip.path.display();
         match (n_trips_ended, trip.losses().n_left_out) {
+            (0, 0) if only_novel => Err(Failure::CouldNot(format!(
+                "no frame came that was called novel, so {path} was not written"
+            ))),
             (0, 0) => Err(Failure::CouldNot(format!("no frame came, so {path} was not written"))),
             (0, n_left_out) => Err(Failure::CouldNot(format!(
                 "{path} was not written: {n_left_out} frames came, and there was no room for them"
@@ -411,10 +470,10 @@ impl Recording {
         &mut self,
         index: usize,
         topics: &Topics,
-        frame: &Frame,
+        header: &FrameHeader,
         layout: FrameLayout,
+        counts: &[u16],
     ) -> Result<(), Failure> {
-        let header = frame.header();
         let captured = Stamp(header.captured_ns);
         let capture = Capture {
             captured,
@@ -422,7 +481,7 @@ impl Recording {
             command: header.known_command(),
             true_pose: header.known_true_pose(),
         };
-        self.file.add_frame(topics, layout, frame.counts(), &capture)?;
+        self.file.add_frame(topics, layout, counts, &capture)?;
         self.began.get_or_insert_with(Instant::now);
         let part = &mut self.parts[index];
         (part.layout, part.last) = (Some(layout), Some(captured));

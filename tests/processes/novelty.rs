@@ -4,17 +4,22 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use kinds_driver_shim::simulated::{Chew, Crunch, Floor};
+use kinds_messages::{FrameHeader, FramePublisher};
 use kinds_model::{Classifier, EmPlan, FitPlan, Model, Origin, ResponsePlan, Scale, SensorLayout, fit};
 use kinds_trainer::{Config, load, train};
-use kinds_trips::Selection;
+use kinds_trips::{Selection, Stamp};
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
+use crate::consumer::Consumer;
 use crate::real_trips;
+use crate::robot::{Robot, SECOND, SENSOR};
+use crate::world::read_trip;
 
 /// Frames of one sensor.
 struct Trip {
@@ -102,6 +107,41 @@ fn learnt(trip: &Trip, range_m_max: f64) -> Model {
         ..FitPlan::new(trip.layout, ResponsePlan::new(Scale::Inverse, range_m_max), 0)
     };
     fit(trip.counts.clone(), &plan, Origin::default(), &mut |_, _, _| ()).unwrap()
+}
+
+/// Sends the first frames of [`SECOND`] as a robot's come, every twentieth of them unlike all, and returns those that the service calls
+/// novel: when they were captured, and their counts.
+pub(crate) fn send_with_novel(robot: &Robot, consumer: &mut Consumer) -> Vec<(Stamp, Vec<u16>)> {
+    let publisher = FramePublisher::create(&robot.node(), &SENSOR.parse().unwrap(), 16).unwrap();
+    let (mut novel, mut is_novel) = (Vec::new(), false);
+    for (sequence, (frame, mut counts)) in (0..).zip(read_trip(&robot.path(SECOND)).into_iter().take(58)) {
+        // Whoever looks seldom finds sixteen at most.
+        std::thread::sleep(Duration::from_millis(10));
+        if sequence % 20 == 9 {
+            // Nothing but walls right ahead and far away.
+            counts.iter_mut().step_by(2).for_each(|count| *count = 60);
+            counts.iter_mut().skip(1).step_by(2).for_each(|count| *count = 60_000);
+        }
+        let mut loan = publisher.loan().unwrap();
+        loan.counts_mut().copy_from_slice(&counts);
+        let header = FrameHeader {
+            sequence,
+            captured_ns: frame.captured.0,
+            metres_per_count: 0.001,
+            rows: 1,
+            columns: 16,
+            ..FrameHeader::default()
+        };
+        loan.send(&header).unwrap();
+        is_novel = consumer.await_frame(sequence).last().unwrap().novelty >= 0.99;
+        if is_novel {
+            novel.push((frame.captured, counts));
+        }
+    }
+    // A report comes to one reader after the other: when a later one is here, those before it are everywhere.
+    assert!(!is_novel, "the last frame is a usual one");
+    assert!((3..30).contains(&novel.len()), "{}", novel.len());
+    novel
 }
 
 /// Share of a trip's frames that a model calls novel.

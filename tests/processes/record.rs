@@ -13,7 +13,8 @@ use kinds_trips::{FrameInfo, Selection, salvage};
 use rustix::fs::{FallocateFlags, fallocate, statvfs};
 use rustix::process::Signal;
 
-use crate::robot::{Robot, SECOND, SENSOR};
+use crate::novelty::send_with_novel;
+use crate::robot::{MODEL, Robot, SECOND, SENSOR};
 use crate::running::{DEADLINE, Running, await_that};
 use crate::world::{Trip, read_trip, read_trip_by, read_trip_with, told_along_the_loop};
 
@@ -123,6 +124,34 @@ fn what_cannot_be_recorded_is_a_sentence_and_leaves_no_file() {
         "{outcome:?}"
     );
     assert!(robot.files() == before);
+}
+
+#[test]
+fn novel_frames_alone_are_recorded_where_that_is_asked_for_and_an_update_takes_them() {
+    let robot = Robot::trained();
+    let service = robot.serve();
+    let mut consumer = robot.join();
+    let recorder = record(&robot, &["--novel"]);
+    let novel = send_with_novel(&robot, &mut consumer);
+    recorder.signal(Signal::TERM);
+    let outcome = recorder.end();
+    let n_novel = novel.len();
+    let said = format!("recorded {n_novel} frames and {n_novel} reports into {RECORDED}; 0 frames lost\n");
+    assert_eq!(outcome.stdout, said, "{outcome:?}");
+    let kept = read_trip(&robot.path(RECORDED)).into_iter().map(|(frame, counts)| (frame.captured, counts));
+    assert_eq!(kept.collect::<Vec<_>>(), novel);
+    service.stop(Signal::TERM);
+    let table = robot.succeed(&["update", MODEL, RECORDED, "--output", "m2.kinds"]);
+    assert!(table.contains("kind  became"), "{table}");
+
+    std::fs::remove_file(robot.path(RECORDED)).unwrap();
+    let recorder = record(&robot, &["--novel"]);
+    robot.publish(SECOND, "20").end();
+    recorder.signal(Signal::TERM);
+    let told = recorder.end();
+    assert_eq!(told.code, Some(1), "{told:?}");
+    let words = "kinds: no frame came that was called novel, so recorded.mcap was not written\n";
+    assert!(told.stderr.ends_with(words), "{told:?}");
 }
 
 #[test]

@@ -7,12 +7,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
-use kinds_messages::{FrameHeader, FramePublisher, Purpose};
+use kinds_messages::Purpose;
 use rustix::process::Signal;
 
-use crate::robot::{Robot, SECOND, SENSOR};
+use crate::novelty::send_with_novel;
+use crate::robot::{Robot, SENSOR};
 use crate::running::{Running, await_that};
 use crate::world::read_trip;
 
@@ -159,8 +159,7 @@ fn novel_frames_become_a_trip_to_learn_from() {
     let service = robot.serve();
     let (domain, trip, stop) = (robot.domain().clone(), robot.path("novel.mcap"), AtomicBool::new(false));
     let (sensor, mut consumer) = (SENSOR.parse().unwrap(), robot.join());
-    let mut novel = Vec::new();
-    std::thread::scope(|scope| {
+    let novel = std::thread::scope(|scope| {
         let stop_at_end = StopAtEnd(&stop);
         let keeping = scope.spawn(|| novel_frames::keep_novel(&domain, SENSOR, &trip, &stop).unwrap());
         await_that(|| {
@@ -168,39 +167,11 @@ fn novel_frames_become_a_trip_to_learn_from() {
             // The service and the example.
             census.channel(&sensor, Purpose::Frames).is_some_and(|frames| frames.readers.len() == 2)
         });
-        let publisher = FramePublisher::create(&robot.node(), &sensor, 16).unwrap();
-        let mut is_novel = false;
-        for (sequence, (frame, mut counts)) in (0..).zip(read_trip(&robot.path(SECOND)).into_iter().take(60))
-        {
-            // As a robot's come: whoever looks seldom finds sixteen at most.
-            std::thread::sleep(Duration::from_millis(10));
-            if sequence % 20 == 9 {
-                // Nothing but walls right ahead and far away.
-                counts.iter_mut().step_by(2).for_each(|count| *count = 60);
-                counts.iter_mut().skip(1).step_by(2).for_each(|count| *count = 60_000);
-            }
-            let mut loan = publisher.loan().unwrap();
-            loan.counts_mut().copy_from_slice(&counts);
-            let header = FrameHeader {
-                sequence,
-                captured_ns: frame.captured.0,
-                rows: 1,
-                columns: 16,
-                ..FrameHeader::default()
-            };
-            loan.send(&FrameHeader { metres_per_count: 0.001, ..header }).unwrap();
-            let report = consumer.await_frame(sequence).last().unwrap();
-            is_novel = report.novelty >= 0.99;
-            if is_novel {
-                novel.push((frame.captured, counts));
-            }
-        }
-        // A report comes to one reader after the other: when a later one is here, those before it are everywhere.
-        assert!(!is_novel, "the last frame is a usual one");
+        let novel = send_with_novel(&robot, &mut consumer);
         drop(stop_at_end);
         assert_eq!(keeping.join().unwrap(), novel.len());
+        novel
     });
-    assert!((3..30).contains(&novel.len()), "{}", novel.len());
     let kept = read_trip(&trip).into_iter().map(|(frame, counts)| (frame.captured, counts));
     assert_eq!(kept.collect::<Vec<_>>(), novel);
     service.stop(Signal::TERM);
