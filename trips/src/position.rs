@@ -36,7 +36,8 @@ impl Position {
 
     /// Goes to where the first record begins.
     pub(crate) fn begin(&mut self, at_byte: u64) {
-        self.at_byte = at_byte;
+        // A file may end within what its sort begins with.
+        self.at_byte = at_byte.min(self.n_bytes);
         self.empty();
         self.end = None;
     }

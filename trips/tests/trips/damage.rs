@@ -94,13 +94,26 @@ fn a_trip_cut_off_at_any_byte_gives_the_frames_before_and_says_so() {
                     n_frames_before = trip.frames.len();
                 }
                 Err(TripError::Empty { .. }) => assert_eq!(n_bytes, 0),
-                Err(TripError::CutOffBeforeFirstFrame { n_bytes: told, .. }) => {
+                Err(TripError::CutOffBeforeFirstFrame { n_bytes: told, at_byte, .. }) => {
                     assert_eq!((told, n_frames_before), (n_bytes as u64, 0));
+                    assert!(at_byte <= told, "{at_byte} of {told}");
                 }
                 Err(error) => panic!("{n_bytes}: {error}"),
             }
         }
         assert_eq!(n_frames_before, usize::from(N_FRAMES), "all but the last byte give all frames");
+    }
+}
+
+#[test]
+fn a_ros_1_bag_that_ends_within_its_first_line_is_cut_off_there() {
+    let folder = Folder::new();
+    for n_bytes in 1..=b"#ROSBAG V2.0\n".len() {
+        let error = read(&folder.write("cut.bag", &b"#ROSBAG V2.0\n"[..n_bytes])).err().unwrap();
+        let TripError::CutOffBeforeFirstFrame { at_byte, n_bytes: told, .. } = error else {
+            panic!("{error}")
+        };
+        assert_eq!((at_byte, told), (n_bytes as u64, n_bytes as u64));
     }
 }
 

@@ -31,7 +31,7 @@ fn files_that_are_no_trip_are_refused_in_a_sentence() {
         Some(b"SQLite format 3\0"),
         &not_mcap.replace("WHAT", "an SQLite database, perhaps an older ROS 2 bag"),
     );
-    check("magic.mcap", Some(&mcap::MAGIC[..5]), "TRIP is cut off at byte 8 of 5, before its first frame");
+    check("magic.mcap", Some(&mcap::MAGIC[..5]), "TRIP is cut off at byte 5 of 5, before its first frame");
 }
 
 #[cfg(unix)]
