@@ -25,7 +25,7 @@ use crate::sequence::{Place, Sequence};
 const _: () = assert!(N_KINDS_MAX <= MAX_KINDS && N_DIMS_MAX <= MAX_DIMS);
 
 /// Longest time between two looks at the stop flag, and shortest between two at who has come and gone: frames do not pay for it.
-const TICK: Duration = Duration::from_millis(50);
+const TICK: Duration = Duration::from_millis(100);
 /// Polls between two looks at the clock, so that a poll does not pay for what is done once a tick.
 const POLLS_PER_LOOK: u32 = 256;
 /// How often what killed programs left is looked for.
@@ -145,7 +145,7 @@ impl<C: Classify> Service<C> {
 
     /// Serves until `stop` is set, then serves the frames that wait already, and ends.
     ///
-    /// Sees the flag after 50 ms at most, or at once when a signal sets it or when it polls. Returns what was done since the start.
+    /// Sees the flag after 100 ms at most, or at once when a signal sets it or when it polls. Returns what was done since the start.
     pub fn run(&mut self, stop: &AtomicBool) -> Result<Summary, ChannelError> {
         if !self.shim_is_there {
             tracing::info!(sensor = %self.sensor, condition = "no shim", "waiting for a driver shim to publish this sensor");
