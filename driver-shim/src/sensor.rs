@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use kinds_messages::{Command, Pose, ns_since_epoch};
+use kinds_messages::{Command, FrameHeader, Pose, ns_since_epoch};
 use kinds_trips::{FrameLayout, Stamp, TripError};
 
 /// A source of frames.
@@ -69,7 +69,17 @@ impl Capture {
         Self { captured, pose: None, command: None, true_pose: None }
     }
 
-    /// The same of a frame that comes just now.
+    /// Of a frame that was sent, by its header.
+    pub fn of(header: &FrameHeader) -> Self {
+        Self {
+            captured: Stamp(header.captured_ns),
+            pose: header.known_pose(),
+            command: header.known_command(),
+            true_pose: header.known_true_pose(),
+        }
+    }
+
+    /// Of a frame that comes just now, and of which nothing else is known.
     pub fn now() -> Self {
         Self::at(Stamp(ns_since_epoch()))
     }

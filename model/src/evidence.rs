@@ -129,7 +129,7 @@ impl Scan<'_> {
             log_likelihood,
             bic: -2.0 * log_likelihood + n_parameters * n.ln(),
             caic: -2.0 * log_likelihood + n_parameters * (n.ln() + 1.0),
-            bic_neff: -2.0 * n_effective / n * log_likelihood + n_parameters * n_effective.ln(),
+            bic_neff: bic_neff(log_likelihood, n_parameters, n, n_effective),
             held_out: held_out / n,
             n_starts_collapsed: all.n_starts_collapsed
                 + folds.iter().map(|fold| fold.n_starts_collapsed).sum::<usize>(),
@@ -157,6 +157,14 @@ impl Scan<'_> {
             out.chunks_exact(n_dims).map(|place| fit.mixture.posterior(place, &mut probabilities)).sum();
         Ok(HeldOut { log_likelihood, n_starts_collapsed: fit.n_starts_collapsed })
     }
+}
+
+/// Schwarz' criterion for as many frames as are independent, nats.
+///
+/// * `log_likelihood` — of all frames
+/// * `n` — frames, of which `n_effective` are as good as independent
+pub(crate) fn bic_neff(log_likelihood: f64, n_parameters: f64, n: f64, n_effective: f64) -> f64 {
+    -2.0 * n_effective / n * log_likelihood + n_parameters * n_effective.ln()
 }
 
 /// What came of holding out a fold.

@@ -474,17 +474,11 @@ impl Recording {
         layout: FrameLayout,
         counts: &[u16],
     ) -> Result<(), Failure> {
-        let captured = Stamp(header.captured_ns);
-        let capture = Capture {
-            captured,
-            pose: header.known_pose(),
-            command: header.known_command(),
-            true_pose: header.known_true_pose(),
-        };
+        let capture = Capture::of(header);
         self.file.add_frame(topics, layout, counts, &capture)?;
         self.began.get_or_insert_with(Instant::now);
         let part = &mut self.parts[index];
-        (part.layout, part.last) = (Some(layout), Some(captured));
+        (part.layout, part.last) = (Some(layout), Some(capture.captured));
         self.n_frames += 1;
         Ok(())
     }

@@ -109,12 +109,7 @@ impl Joining {
 
     /// Takes in a frame of the leader.
     pub(super) fn lead(&mut self, header: &FrameHeader, counts: &[u16], now: Duration) {
-        let capture = Capture {
-            captured: Stamp(header.captured_ns),
-            pose: header.known_pose(),
-            command: header.known_command(),
-            true_pose: header.known_true_pose(),
-        };
+        let capture = Capture::of(header);
         let sequence = self.leader.numbering.place(header.run, header.sequence);
         let frame = NumberedFrame { capture, sequence, n_readings: self.layout.n_readings() };
         let mut own = self.spare.pop().unwrap_or_default();

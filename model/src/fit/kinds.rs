@@ -5,7 +5,7 @@ use crate::autocorrelation::n_frames_effective;
 use crate::em::dirichlet::{CONCENTRATION, DirichletFit, fit_dirichlet, likeliest};
 use crate::em::{EmError, EmFit, Points, fit_from_known, fit_mixture, fit_over_time};
 use crate::evidence::{
-    N_FITS, N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out, of_at_least, try_kinds,
+    N_FITS, N_KINDS_TRIED_MAX, best_by_bic_neff, best_by_held_out, bic_neff, of_at_least, try_kinds,
 };
 use crate::hierarchy::{self, Merge};
 use crate::mixture::{Mixture, most_probable};
@@ -80,15 +80,14 @@ fn keep(
         Some(n_kinds) if n_kinds == known.n_kinds => 0,
         Some(_) => return Ok(None),
     };
-    let (n, n_effective) = (points.n() as f64, provenance.n_frames_effective);
-    let bic_neff = |fit: &EmFit| {
+    let evidence = |fit: &EmFit| {
         let n_parameters = plan.em.covariance.n_parameters(fit.mixture.n_kinds(), points.n_dims) as f64;
-        -2.0 * n_effective / n * fit.log_likelihood() + n_parameters * n_effective.ln()
+        bic_neff(fit.log_likelihood(), n_parameters, points.n() as f64, provenance.n_frames_effective)
     };
     let fit = |n_new| fit_from_known(points, &known.probabilities, known.n_kinds, n_new, &plan.em);
     let fits: Vec<EmFit> =
         (0..=n_new_max).filter_map(|n_new| fit(n_new).transpose()).collect::<Result<_, _>>()?;
-    Ok(fits.into_iter().min_by(|a, b| bic_neff(a).total_cmp(&bic_neff(b))))
+    Ok(fits.into_iter().min_by(|a, b| evidence(a).total_cmp(&evidence(b))))
 }
 
 fn find_by_em(
