@@ -95,10 +95,10 @@ pub use intrinsic_dims::IntrinsicDims;
 pub use median::{MedianFilter, MedianPlan};
 pub use metric::{MetricError, MetricPlan};
 pub use model::{
-    DirichletProvenance, DirichletTrial, KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX, N_KINDS_MAX,
-    NeighborsTrial, NoveltyManifest, Origin, Provenance, ScaleTrial,
+    ComparisonTrial, DirichletProvenance, DirichletTrial, KindsTrial, Manifest, Model, ModelId, N_DIMS_MAX,
+    N_KINDS_MAX, NeighborsTrial, NoveltyManifest, Origin, Provenance,
 };
-pub use persistence::Filter;
+pub use persistence::{Filter, learn as learn_persistence};
 pub use plan::{FitPlan, KindsBy, LandmarkChoice, Method};
 pub use reference::ReferenceSet;
 pub use register::{KindRecord, NameError, Register};

@@ -23,7 +23,7 @@ use crate::plan::FitPlan;
 use crate::reference::ReferenceSet;
 use crate::register::{NameError, Register};
 use crate::response::{Response, Scale};
-use crate::whitening::Whitening;
+use crate::whitening::{Whitening, WhiteningPlan};
 
 /// Most kinds that a model may have: what a report in shared memory holds.
 pub const N_KINDS_MAX: usize = 64;
@@ -203,19 +203,30 @@ pub struct Origin {
     pub n_frames: Vec<usize>,
     /// Frames of the trips that were left out because no reading was valid.
     pub n_frames_invalid: usize,
-    /// Scales that were tried on some of these frames, where they were to decide; empty where the scale was given.
-    #[serde(default)]
-    pub scales_tried: Vec<ScaleTrial>,
+    /// By what some of these frames were compared to see how long kinds last, the usual first, where the trips were to decide; empty
+    /// where it was given.
+    pub comparisons_tried: Vec<ComparisonTrial>,
 }
 
-/// A scale that was tried, and what speaks for it.
+/// By what frames were compared, and what speaks for it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ScaleTrial {
+pub struct ComparisonTrial {
     /// The scale.
     pub scale: Scale,
-    /// s: how seldom kinds of a model by it change; higher is better.
+    /// Slow directions of readings on it; none: the readings themselves.
+    pub whitening: Option<WhiteningPlan>,
+    /// s: how seldom kinds of a model by it change, on the frames that they were learnt from; higher is better.
     pub persistence: f64,
+    /// The same on frames that they were not learnt from.
+    pub persistence_held_out: f64,
+}
+
+impl ComparisonTrial {
+    /// Frames that kinds last: the geometric mean of what they do on frames that they were learnt from and on others.
+    pub fn n_frames_lasting(&self) -> f64 {
+        1.0 / ((1.0 - self.persistence) * (1.0 - self.persistence_held_out)).sqrt()
+    }
 }
 
 impl Origin {

@@ -118,7 +118,7 @@ fn weigh(probabilities: &mut [f64], posterior: &[f64], weights: &[f64]) -> f64 {
 ///
 /// At most such that one change is expected in as many frames; 0 where there is nothing to change. O(n_frames · n_kinds) for some
 /// tens of passes.
-pub(crate) fn learn(posteriors: &[f64], weights: &[f64], trips: &[usize]) -> f64 {
+pub fn learn(posteriors: &[f64], weights: &[f64], trips: &[usize]) -> f64 {
     let n_kinds = weights.len();
     let n_frames = posteriors.len() / n_kinds;
     if n_kinds < N_KINDS_MIN || n_frames <= trips.len() {

@@ -33,7 +33,7 @@ pub struct WhiteningPlan {
 
 impl Default for WhiteningPlan {
     fn default() -> Self {
-        Self { n_components: 40, n_directions: 6 }
+        Self { n_components: 40, n_directions: 4 }
     }
 }
 
@@ -293,10 +293,13 @@ fn sums_of_frames(rows: &[&[u16]], factors: &Mat<f64>) -> Vec<Vec<f64>> {
 
 /// Of every two frames, shape `(n_frames, n_frames)`. Exact.
 fn squared_distances(rows: &[&[u16]]) -> Vec<f64> {
-    let mut squared = vec![0.0; rows.len() * rows.len()];
-    squared.par_chunks_exact_mut(rows.len()).zip(rows).for_each(|(squared, from)| {
-        let (some, rest) = rows.as_chunks::<N_SIDE_BY_SIDE>();
-        let (squared_of_some, squared_of_rest) = squared.as_chunks_mut::<N_SIDE_BY_SIDE>();
+    let n_frames = rows.len();
+    let mut squared = vec![0.0; n_frames * n_frames];
+    // Of each frame to those before it.
+    squared.par_chunks_exact_mut(n_frames).enumerate().for_each(|(index, squared)| {
+        let from = rows[index];
+        let (some, rest) = rows[..index].as_chunks::<N_SIDE_BY_SIDE>();
+        let (squared_of_some, squared_of_rest) = squared[..index].as_chunks_mut::<N_SIDE_BY_SIDE>();
         for (to, squared) in some.iter().zip(squared_of_some) {
             *squared = squares::sums(from, *to).map(|sum| sum as f64);
         }
@@ -305,6 +308,11 @@ fn squared_distances(rows: &[&[u16]]) -> Vec<f64> {
             *squared = sum as f64;
         }
     });
+    for index in 0..n_frames {
+        for before in 0..index {
+            squared[before * n_frames + index] = squared[index * n_frames + before];
+        }
+    }
     squared
 }
 

@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use kinds_model::{Covariance, KindsBy, LandmarkChoice, StartsOn, WhiteningPlan};
-use kinds_trainer::{CommandsConfig, Config, LandmarkNumber, MethodChoice, MetricChoice, ScaleChoice};
+use kinds_model::{Covariance, KindsBy, LandmarkChoice, StartsOn};
+use kinds_trainer::{
+    CommandsConfig, Config, LandmarkNumber, MethodChoice, MetricChoice, ScaleChoice, WhiteningChoice,
+};
 
 use super::ReadingArguments;
 
@@ -40,9 +42,10 @@ pub(crate) struct TrainArguments {
     #[arg(long, value_name = "N")]
     median: Option<usize>,
     /// Compare frames by so many slow directions of their readings: what changes little from one frame to the next, each direction
-    /// as much as any other [default: by the readings themselves]
-    #[arg(long, value_name = "N")]
-    whitening: Option<usize>,
+    /// as much as any other; auto: by four of them if kinds change more seldom then [default: auto where the scale is left to the
+    /// trip too, else off]
+    #[arg(long, value_name = "off|auto|N")]
+    whitening: Option<WhiteningChoice>,
     /// How far apart frames are: euclidean; ring: at the nearest turn, each row of the sensor being a ring; rings:N: the same
     /// with N rings; parts:N,N: of joined sensors, each as much as any other, however many readings it has: else many drown few.
     /// Weights are given in the configuration file [default: euclidean]
@@ -120,9 +123,7 @@ impl TrainArguments {
             invalid_range_m: self.invalid_range_m,
             offset_m: self.offset_m,
             median: self.median,
-            whitening: self
-                .whitening
-                .map(|n_directions| WhiteningPlan { n_directions, ..Default::default() }),
+            whitening: self.whitening,
             metric: self.metric.clone(),
             frames: self.frames,
             method: self.method.map(|name| match name {

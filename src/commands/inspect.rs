@@ -6,10 +6,10 @@ use kinds_model::evidence::best_by_bound;
 use kinds_model::hierarchy::Merge;
 use kinds_model::neighborhood::short_circuits;
 use kinds_model::{
-    DirichletProvenance, FitPlan, KindRecord, KindsTrial, LandmarkChoice, Manifest, MedianPlan, Model,
-    NeighborsTrial, Register, ScaleTrial, WhiteningPlan,
+    ComparisonTrial, DirichletProvenance, FitPlan, KindRecord, KindsTrial, LandmarkChoice, Manifest,
+    MedianPlan, Model, NeighborsTrial, Register, WhiteningPlan,
 };
-use kinds_trainer::kept_by_scale;
+use kinds_trainer::kept_by_each;
 use serde::Serialize;
 
 use crate::cli::InspectArguments;
@@ -74,7 +74,7 @@ fn describe(model: &Model) -> String {
                 response.invalid_range_m
             ),
         ),
-        ("scale", scales_tried(&provenance.origin.scales_tried)),
+        ("chosen", comparisons_tried(&provenance.origin.comparisons_tried)),
         ("median", median(plan.median).to_string()),
         ("compared by", compared_by(plan)),
         (
@@ -206,11 +206,11 @@ fn median(plan: MedianPlan) -> &'static str {
     }
 }
 
-fn scales_tried(tried: &[ScaleTrial]) -> String {
+fn comparisons_tried(tried: &[ComparisonTrial]) -> String {
     if tried.is_empty() {
         "as asked for".to_string()
     } else {
-        format!("by evidence: {}", kept_by_scale(tried))
+        format!("by evidence: {}", kept_by_each(tried))
     }
 }
 

@@ -8,11 +8,11 @@ use kinds_model::evidence::{best_by_bound, of_at_least, runner_up_by_bound};
 use kinds_model::neighborhood::{candidates, chosen, runner_up, short_circuits};
 use kinds_model::residual_variance::TOLERANCE;
 use kinds_model::{
-    FitPlan, IntrinsicDims, KindsBy, KindsTrial, Manifest, Method, MetricPlan, Model, NeighborsTrial,
-    Provenance, Scale, ScaleTrial,
+    ComparisonTrial, FitPlan, IntrinsicDims, KindsBy, KindsTrial, Manifest, Method, MetricPlan, Model,
+    NeighborsTrial, Provenance, Scale, WhiteningPlan,
 };
 use kinds_trainer::report::kinds_agreement;
-use kinds_trainer::{Config, MethodChoice, PcaModels, Trained, kept_by_scale};
+use kinds_trainer::{Config, MethodChoice, PcaModels, Trained, kept_by_each};
 
 use crate::cli::TrainArguments;
 use crate::failure::Failure;
@@ -136,7 +136,7 @@ pub(crate) fn summary(model: &Model) -> String {
 pub(crate) fn choices(model: &Model) -> Vec<String> {
     let Manifest { plan, n_trained, n_dims, n_kinds, provenance, .. } = model.manifest();
     let mut lines: Vec<String> = reference_choice(model).into_iter().collect();
-    lines.extend(scale_choice(plan, &provenance.origin.scales_tried));
+    lines.extend(comparison_choice(plan, &provenance.origin.comparisons_tried));
     lines.extend(neighbors_choice(&provenance.neighbors_tried));
     if plan.n_dims.is_none() && model.embedding().is_some() {
         let elbow = provenance.elbow;
@@ -159,10 +159,14 @@ pub(crate) fn choices(model: &Model) -> Vec<String> {
     lines
 }
 
-/// The scale that was chosen, and what spoke for each.
-fn scale_choice(plan: &FitPlan, tried: &[ScaleTrial]) -> Option<String> {
-    (!tried.is_empty())
-        .then(|| format!("scale: {}; {}", scale_name(plan.response.scale), kept_by_scale(tried)))
+/// By what frames are compared, where that was chosen, and what spoke for each.
+fn comparison_choice(plan: &FitPlan, tried: &[ComparisonTrial]) -> Option<String> {
+    let scale = scale_name(plan.response.scale);
+    let chosen = match plan.whitening {
+        None => scale.to_string(),
+        Some(WhiteningPlan { n_directions, .. }) => format!("{n_directions} slow directions of {scale}"),
+    };
+    (!tried.is_empty()).then(|| format!("compared by: {chosen}; {}", kept_by_each(tried)))
 }
 
 /// How many frames were kept, where not all were.

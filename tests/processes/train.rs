@@ -459,33 +459,51 @@ fn inspect_says_how_landmarks_were_chosen() {
 }
 
 #[test]
-fn the_scale_by_which_kinds_last_is_chosen_and_told() {
+fn that_by_which_kinds_last_is_compared_and_told() {
     let robot = Robot::trained();
-    let train = |response: &str, more: &[&str]| {
-        let train = ["train", FIRST, "--response", response, "--output", "scale.kinds", "--kinds", "4"];
+    let train = |more: &[&str]| {
+        let train = ["train", FIRST, "--output", "compared.kinds", "--kinds", "4"];
         let outcome = robot.run(&[&train[..], more].concat());
         assert_eq!(outcome.code, Some(0), "{outcome:?}");
-        (outcome, inspect(&robot, "scale.kinds"))
+        (outcome, inspect(&robot, "compared.kinds"))
     };
-    // How long kinds last by each, by training with it alone as a trial does.
-    let lasting = ["inverse", "log", "range"].map(|response| {
-        let (_, inspection) = train(response, &["--starts", "3", "--neighbors", "10"]);
-        assert_eq!(inspection["provenance"]["origin"]["scales_tried"], serde_json::json!([]));
-        (response, inspection["persistence"].as_f64().unwrap())
-    });
-    // One that kinds outlast by more than a quarter, and by more than chance, gives way.
-    let n_changes = |persistence: f64| (1.0 - persistence) * 160.0;
-    let least = lasting.iter().map(|(_, persistence)| n_changes(*persistence)).fold(f64::INFINITY, f64::min);
-    let gives_way = |n: f64| n > 1.25 * least && n - least > 2.0 * (n + least).sqrt();
-    let (expected, _) = lasting.iter().find(|(_, persistence)| !gives_way(n_changes(*persistence))).unwrap();
-    let (outcome, inspection) = train("auto", &[]);
-    let [inverse, log, range] = lasting.map(|(_, persistence)| 1.0 / (1.0 - persistence));
-    let told = format!("kinds last {inverse:.1} frames by inverse, {log:.1} by log, {range:.1} by range");
-    assert!(outcome.stdout.contains(&told), "no {told:?} in {outcome:?}");
-    assert_eq!(inspection["plan"]["response"]["scale"].as_str().unwrap().to_lowercase(), *expected);
-    let tried = inspection["provenance"]["origin"]["scales_tried"].as_array().unwrap();
-    let persistences: Vec<f64> = tried.iter().map(|tried| tried["persistence"].as_f64().unwrap()).collect();
-    assert_eq!(persistences, lasting.map(|(_, persistence)| persistence));
+    let (outcome, inspection) = train(&[]);
+    let tried = inspection["provenance"]["origin"]["comparisons_tried"].as_array().unwrap();
+    assert_eq!(tried.len(), 6, "{tried:?}");
+    let named = |scale: &Value, whitening: &Value| {
+        let scale = scale.as_str().unwrap().to_lowercase();
+        match whitening["n_directions"].as_u64() {
+            None => scale,
+            Some(n_directions) => format!("{n_directions} slow directions of {scale}"),
+        }
+    };
+    let lasting: Vec<(String, f64)> = tried
+        .iter()
+        .map(|tried| {
+            let n_changes = |of: &str| 1.0 - tried[of].as_f64().unwrap();
+            let product = n_changes("persistence") * n_changes("persistence_held_out");
+            (named(&tried["scale"], &tried["whitening"]), 1.0 / product.sqrt())
+        })
+        .collect();
+    let each: Vec<String> = lasting.iter().map(|(name, frames)| format!("{frames:.1} by {name}")).collect();
+    let told = each.join(", ").replacen(" by", " frames by", 1);
+    assert!(outcome.stdout.contains(&format!("; kinds last {told}")), "no {told:?} in {outcome:?}");
+    // The usual one gives way to one that it is outlasted by, by more than a tenth and more than chance.
+    let n_changes = |lasting: f64| 160.0 / lasting;
+    let best = lasting.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    let (usual, least) = (n_changes(lasting[0].1), n_changes(best.1));
+    let gives_way = usual > 1.1 * least && usual - least > 2.0 * (usual + least).sqrt();
+    let expected = if gives_way { best } else { &lasting[0] };
+    let plan = &inspection["plan"];
+    assert_eq!(named(&plan["response"]["scale"], &plan["whitening"]), expected.0);
+    // What is asked for is not tried.
+    for more in [&["--response", "log"][..], &["--response", "range", "--whitening", "4"]] {
+        let (_, inspection) = train(more);
+        assert_eq!(inspection["provenance"]["origin"]["comparisons_tried"], serde_json::json!([]));
+        assert_eq!(inspection["plan"]["whitening"]["n_directions"].as_u64(), more.get(3).map(|_| 4));
+    }
+    let (_, inspection) = train(&["--response", "log", "--whitening", "auto"]);
+    assert_eq!(inspection["provenance"]["origin"]["comparisons_tried"].as_array().unwrap().len(), 2);
 }
 
 #[test]

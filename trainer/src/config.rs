@@ -10,10 +10,10 @@ use kinds_model::{
 use kinds_trips::Selection;
 use serde::Deserialize;
 
+use crate::comparison_choice::{ScaleChoice, WhiteningChoice};
 use crate::counts_seen::CountsSeen;
 use crate::landmark_number::LandmarkNumber;
 use crate::metric_choice::{MetricChoice, PartsError};
-use crate::scale_choice::ScaleChoice;
 
 /// Training as a RON file says it. Every field may be left out; then the sensor and the trips decide.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -31,9 +31,10 @@ pub struct Config {
     /// Frames over which each reading's median is taken: 1, none; 3 or 5. Against drop-outs, at the price of one frame's delay, or
     /// two. Default: 3 where at least 4 % of the readings are missing or far off for one frame alone.
     pub median: Option<usize>,
-    /// Slow directions of readings that frames are compared by: `(n_components: 40, n_directions: 6)`, at most as many
-    /// as principal components, which are at most 1000. Default: none, by the readings themselves.
-    pub whitening: Option<WhiteningPlan>,
+    /// Whether frames are compared by slow directions of their readings: off; auto, if kinds change more seldom by four of them; or
+    /// `slow((n_components: 40, n_directions: 4))`, at most as many as principal components, which are at most 1000. Default: auto
+    /// where the scale is left to the trips too, else off.
+    pub whitening: Option<WhiteningChoice>,
     /// How far apart frames are on that scale: `euclidean`; `Weighted([1, 1, 0.5])`, a weight of at least 0 for each reading;
     /// `ring`, at the nearest turn, each row of the sensor being a ring; `rings(2)`, where the readings are so many rings; or
     /// `parts([16, 19840])`, where those of so many readings each count alike. Default: euclidean.
@@ -261,7 +262,7 @@ impl Config {
             let limit = "1, 3 or 5 frames".to_string();
             return Err(ConfigError::Limit { field: "median", value: n_frames as f64, limit });
         }
-        if let Some(WhiteningPlan { n_components, n_directions }) = self.whitening {
+        if let Some(WhiteningChoice::Slow(WhiteningPlan { n_components, n_directions })) = self.whitening {
             count("n_components", Some(n_components), N_COMPONENTS_MAX)?;
             count("n_directions", Some(n_directions), n_components)?;
         }
@@ -298,9 +299,13 @@ impl Config {
         }
     }
 
-    /// The scale that is asked for. None: the trips decide, as far as they can.
-    pub(crate) fn scale(&self) -> Option<Scale> {
-        self.response.and_then(ScaleChoice::scale)
+    /// The scale that is asked for, or the usual one.
+    fn scale(&self) -> Scale {
+        match self.response {
+            Some(ScaleChoice::Range) => Scale::Range,
+            Some(ScaleChoice::Log) => Scale::Log,
+            Some(ScaleChoice::Inverse | ScaleChoice::Auto) | None => Scale::Inverse,
+        }
     }
 
     /// How much commands weigh, if frames are to be compared by them.
@@ -320,17 +325,14 @@ impl Config {
         }
     }
 
-    /// The plan for a sensor, given which raw counts are to be fitted. On the usual scale, if the trips are to decide.
+    /// The plan for a sensor, given which raw counts are to be fitted. By the usual comparison, where the trips are to decide.
     ///
     /// # Errors
     /// As [`Self::check`].
     pub fn plan(&self, sensor: SensorLayout, seen: &CountsSeen) -> Result<FitPlan, ConfigError> {
         self.check()?;
         let useful_m = || seen.largest_useful() * sensor.metres_per_count;
-        let usual = ResponsePlan::new(
-            self.scale().unwrap_or(Scale::Inverse),
-            self.range_m_max.unwrap_or_else(useful_m),
-        );
+        let usual = ResponsePlan::new(self.scale(), self.range_m_max.unwrap_or_else(useful_m));
         let seed = self.seed.unwrap_or(0);
         let em = EmPlan::new(seed);
         let n_frames_max = self.frames.unwrap_or(USUAL_FRAMES_MAX);
@@ -347,7 +349,10 @@ impl Config {
                 Some(5) => MedianPlan::Five,
                 _ => MedianPlan::Off,
             },
-            whitening: self.whitening,
+            whitening: match self.whitening {
+                Some(WhiteningChoice::Slow(asked)) => Some(asked),
+                None | Some(WhiteningChoice::Off | WhiteningChoice::Auto) => None,
+            },
             metric: self.metric.as_ref().map(|choice| choice.plan(sensor)).transpose()?.unwrap_or_default(),
             n_frames_max,
             method: match self.method {

@@ -6,6 +6,7 @@
 
 mod agreement;
 mod bootstrap;
+mod comparison_choice;
 mod config;
 mod consistency;
 mod counts_seen;
@@ -24,7 +25,6 @@ mod remarks;
 pub mod report;
 mod rivals;
 mod runs;
-mod scale_choice;
 mod scores;
 mod segmentation;
 mod sequence;
@@ -40,6 +40,7 @@ mod update;
 mod uses;
 
 pub use agreement::adjusted_mutual_information;
+pub use comparison_choice::{ScaleChoice, WhiteningChoice, WhiteningChoiceError, kept_by_each};
 pub use config::{CommandsConfig, Config, ConfigError, MethodChoice};
 pub use consistency::{Consistency, Revisits, kappa};
 pub use counts_seen::CountsSeen;
@@ -59,7 +60,6 @@ pub use progress::{Progress, Stage};
 pub use registration::{Jittered, RegistrationScores};
 pub use rivals::{Methods, RivalError, Rivals};
 pub use runs::Runs;
-pub use scale_choice::{ScaleChoice, kept_by_scale};
 pub use scores::{Confidence, DirectedScores, KappaLead, MethodScores, Scores};
 pub use segmentation::{
     KindDiffers, NameDiffers, SegmentFormat, Segmentation, SegmentationAgreement, SegmentationError,

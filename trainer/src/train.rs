@@ -7,12 +7,12 @@ use kinds_model::{
     fit_stream, refit,
 };
 
+use crate::comparison_choice;
 use crate::config::{Config, ConfigError, MethodChoice};
 use crate::drop_outs::DropOuts;
 use crate::load::LoadError;
 use crate::progress::{Progress, fitting};
 use crate::remarks::{remark_on_islands, remarks_on_kinds};
-use crate::scale_choice;
 use crate::surveyed_trips::SurveyedTrips;
 use crate::track::Track;
 
@@ -108,11 +108,14 @@ pub fn train(trips: &[PathBuf], config: &Config, progress: &mut Progress) -> Res
         remarks.extend((plan.median != MedianPlan::Off).then(|| remark_on_drop_outs(&drop_outs)));
     }
     frames.pass(plan.median);
-    if config.scale().is_none()
-        && let Some((scale, tried)) = scale_choice::choose(&mut frames, &origin, &plan, progress)?
+    let trips = origin.trips(seen.n_frames);
+    let candidates = comparison_choice::candidates(config.response, config.whitening, &plan);
+    if candidates.len() > 1
+        && let Some((best, tried)) =
+            comparison_choice::choose(&mut frames, &candidates, &trips, &plan, progress)?
     {
-        plan.response.scale = scale;
-        origin.scales_tried = tried;
+        (plan.response.scale, plan.whitening) = (best.scale, best.whitening);
+        origin.comparisons_tried = tried;
     }
     let commands = config.commands_weight().map(|weight| {
         remarks.extend(remark_on_uncommanded(&commands));

@@ -10,7 +10,7 @@ use super::{
     canonical_views, embedding, kinds_along_time, kinds_merged, kinds_on_path, kinds_tried, neighbors_tried,
     residual_variance, spectrum,
 };
-use crate::scale_choice::kept_by_scale;
+use crate::comparison_choice::kept_by_each;
 use crate::track::Track;
 use crate::trip_kinds::TripKinds;
 
@@ -181,8 +181,8 @@ fn facts(model: &Model) -> Vec<(&'static str, String)> {
         ("kinds", format!("{}, {}", model.mixture().n_kinds(), shape_in_words(em.covariance))),
         ("made by", format!("{made_by}, seed {seed}")),
     ];
-    if !origin.scales_tried.is_empty() {
-        facts.push(("scales tried", kept_by_scale(&origin.scales_tried)));
+    if !origin.comparisons_tried.is_empty() {
+        facts.push(("comparisons tried", kept_by_each(&origin.comparisons_tried)));
     }
     facts.extend(model.commands().map(|scale| ("commands", scale.to_string())));
     facts
