@@ -42,7 +42,7 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
         let trips: Vec<TripKinds> = evaluation.trips.iter().map(ClassifiedTrip::trip_kinds).collect();
         segmentation.compare(&trips, n_kinds)
     });
-    for remark in &evaluation.not_compared {
+    for remark in evaluation.remarks.iter().chain(&evaluation.not_compared) {
         log::notice(remark);
     }
     let uses = Uses::of(&evaluation.trips, n_kinds, &map_plan, arguments.plan().seed);

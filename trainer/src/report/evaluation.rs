@@ -101,7 +101,10 @@ fn add_pair(page: &mut Page, evaluation: &Evaluation, pair: &PairScores) {
         tenths(*never_revisited),
     ));
     page.table(&consistency_table(scores));
-    page.paragraph(&lead_in_words(forward));
+    match &forward.kappa_lead {
+        Some(lead) => page.paragraph(&lead_in_words(lead, forward)),
+        None => page.list(&evaluation.remarks),
+    }
     page.figure(consistency(&named("consistency"), "Consistency by method", scores));
     let title = "Consistency, whatever counts as a place";
     page.figure(consistency_surfaces(&named("surfaces"), title, &evaluation.grid, &forward.surfaces));
@@ -115,16 +118,17 @@ fn add_pair(page: &mut Page, evaluation: &Evaluation, pair: &PairScores) {
 /// The scores of the model's own method.
 fn own_scores<'a>(evaluation: &Evaluation, directed: &'a DirectedScores) -> &'a MethodScores {
     let methods = &directed.scores.methods;
-    match (evaluation.method, &methods.native) {
-        ("native", Some(native)) => native,
-        ("pca", _) => &methods.pca,
-        _ => &methods.isomap,
-    }
+    let own = match evaluation.method {
+        "native" => methods.native.as_ref(),
+        "pca" => methods.pca.as_ref(),
+        _ => Some(&methods.isomap),
+    };
+    own.expect("the model that is evaluated is among those compared")
 }
 
 /// Which of Isomap and principal components is ahead, if one is.
-fn lead_in_words(directed: &DirectedScores) -> String {
-    let KappaLead { isomap_over_pca, confidence } = directed.kappa_lead;
+fn lead_in_words(lead: &KappaLead, directed: &DirectedScores) -> String {
+    let &KappaLead { isomap_over_pca, confidence } = lead;
     let blocks = format!("{} blocks of the path of {:.1} m each", directed.n_blocks, directed.block_m);
     let Some([low, high]) = confidence else {
         return format!(

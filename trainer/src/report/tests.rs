@@ -115,7 +115,7 @@ fn scores() -> Scores {
     };
     let methods = Methods {
         isomap: score(8, 0.8, 0.2),
-        pca: score(8, 0.6, 0.2),
+        pca: Some(score(8, 0.6, 0.2)),
         native: None,
         random: score(0, 0.2, 0.25),
     };
@@ -135,7 +135,7 @@ fn all_surfaces() -> Methods<Surface> {
     };
     Methods {
         isomap: surface([Some(1.0), Some(0.5), Some(0.1)]),
-        pca: surface([Some(0.9), None, Some(0.0)]),
+        pca: Some(surface([Some(0.9), None, Some(0.0)])),
         native: None,
         random: surface([None; 3]),
     }
@@ -180,7 +180,7 @@ fn directed() -> DirectedScores {
         never_revisited: 0.1,
         block_m: 2.5,
         n_blocks: 12,
-        kappa_lead: KappaLead { isomap_over_pca: 0.25, confidence: Some([-0.04, 0.5]) },
+        kappa_lead: Some(KappaLead { isomap_over_pca: 0.25, confidence: Some([-0.04, 0.5]) }),
         kinds_met: vec![vec![7, 1], vec![0, 0]],
         surfaces: all_surfaces(),
     }
@@ -192,7 +192,7 @@ fn evaluation() -> Evaluation {
         trips: ["first".to_string(), "second".to_string()],
         forward: directed(),
         backward: DirectedScores {
-            kappa_lead: KappaLead { isomap_over_pca: 0.25, confidence: Some([0.1, 0.5]) },
+            kappa_lead: Some(KappaLead { isomap_over_pca: 0.25, confidence: Some([0.1, 0.5]) }),
             ..directed()
         },
         registration: registration_scores(),
@@ -203,6 +203,7 @@ fn evaluation() -> Evaluation {
         grid: grid(),
         pairs: vec![pair(0), pair(1)],
         not_compared: vec!["third has no poses".to_string()],
+        remarks: Vec::new(),
         trips: Vec::new(),
     }
 }
@@ -366,7 +367,7 @@ fn methods_are_written_with_kappa_and_random_kinds_without_dimensions() {
 #[test]
 fn native_space_stands_beside_the_methods_that_it_is_compared_with() {
     let plain = scores();
-    let native = MethodScores { n_dims: 16, ..plain.methods.pca };
+    let native = MethodScores { n_dims: 16, ..plain.methods.isomap };
     let with_native = Scores { methods: Methods { native: Some(native), ..plain.methods }, ..plain };
     let figure = consistency("consistency", "Consistency", &with_native);
     let rows: Vec<Vec<&str>> = lines(figure.csv());

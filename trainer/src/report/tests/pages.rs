@@ -94,6 +94,20 @@ fn the_page_of_a_training_and_its_evaluation_has_every_section_and_figure_once()
 }
 
 #[test]
+fn a_method_that_kinds_are_not_compared_with_is_missed_in_words() {
+    let mut evaluation = evaluation();
+    evaluation.pairs.truncate(1);
+    let DirectedScores { scores, kappa_lead, surfaces, .. } = &mut evaluation.pairs[0].forward;
+    (scores.methods.pca, surfaces.pca, *kappa_lead) = (None, None, None);
+    evaluation.remarks = vec!["kinds are not compared with those of <principal components>".to_string()];
+    let mut page = Page::new("Kinds");
+    add_evaluation(&mut page, &evaluation);
+    let html = page.to_html();
+    assert!(html.contains("<li>kinds are not compared with those of &lt;principal components&gt;</li>"));
+    assert!(html.contains("<td>Isomap</td>") && !html.contains("PCA") && !html.contains("κ of Isomap less"));
+}
+
+#[test]
 fn a_model_that_keeps_some_frames_says_how_many_and_how_well_they_cover_the_others() {
     let thinned = thinned_ring();
     let mut page = Page::new("Kinds");
