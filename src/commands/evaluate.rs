@@ -114,7 +114,7 @@ fn write_policy(path: &Path, model: &Model, policy: &Policy) -> Result<(), Failu
             Role::Commands.types()
         )));
     }
-    let text = policy.to_ron(&model.id().to_string());
+    let text = policy.to_ron(&model.id().to_string(), model.register());
     whole_file::write(path, text.as_bytes()).map_err(|error| Failure::file("write", path, &error))
 }
 

@@ -1,5 +1,6 @@
 //! Reports of small made-up data, read back as a person's browser reads them: the page, and what all figures have in common.
 
+mod called;
 mod figures;
 mod pages;
 mod topology;
@@ -7,7 +8,7 @@ mod topology;
 use std::collections::BTreeMap;
 
 use kinds_model::mixture::most_probable;
-use kinds_model::{FitPlan, Model, Origin, ResponsePlan, Scale, SensorLayout, fit};
+use kinds_model::{FitPlan, Model, Origin, Register, ResponsePlan, Scale, SensorLayout, fit};
 use kinds_trips::{Command, Pose};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -88,11 +89,11 @@ const TRIP: TripKinds = TripKinds {
 };
 
 fn path() -> Figure {
-    kinds_on_path("path", "Kinds on the <path>", 2, &[TRIP])
+    kinds_on_path("path", "Kinds on the <path>", &Register::new(2), &[TRIP])
 }
 
 fn along_time() -> Figure {
-    kinds_along_time("time", "Kinds along time", 2, &[TRIP])
+    kinds_along_time("time", "Kinds along time", &Register::new(2), &[TRIP])
 }
 
 fn scores() -> Scores {
@@ -162,7 +163,7 @@ fn told() -> Figure {
 }
 
 fn commands_figure(trip: &TripKinds) -> Figure {
-    commands("commands", "Commands <in> each kind", &[*trip], &Policy::of(&[*trip], 2, 0))
+    commands("commands", "Commands <in> each kind", &Register::new(2), &[*trip], &Policy::of(&[*trip], 2, 0))
 }
 
 fn named() -> SegmentationAgreement {
@@ -220,12 +221,18 @@ fn figures() -> Vec<Figure> {
         consistency("consistency", "Consistency by method", &scores()),
         surfaces(),
         registration(),
-        kinds_met("kinds-met", "Which for which", ["a", "b & c"], &[vec![7, 1], vec![0, 0]]),
+        kinds_met(
+            "kinds-met",
+            "Which for which",
+            &Register::new(2),
+            ["a", "b & c"],
+            &[vec![7, 1], vec![0, 0]],
+        ),
         topology::figure(),
-        transitions("transitions", "What <follows> what", &[Sequence::of(&TRIP, 2)]),
-        run_lengths("run-lengths", "How long", &[TRIP]),
+        transitions("transitions", "What <follows> what", &Register::new(2), &[Sequence::of(&TRIP, 2)]),
+        run_lengths("run-lengths", "How long", &Register::new(2), &[TRIP]),
         told(),
-        names_and_kinds("segmentation", "Names & kinds", &named()),
+        names_and_kinds("segmentation", "Names & kinds", &Register::new(2), &named()),
     ];
     let plain = plain.into_iter().chain(kinds_merged(&ring));
     plain.chain(kinds_tried::tests::figure()).chain(neighbors_tried::tests::figure()).collect()
