@@ -103,6 +103,13 @@ impl Register {
         &self.retired
     }
 
+    /// What a kind is called in a file or beside an axis, where there is no room for words.
+    ///
+    /// * `kind` — its index
+    pub fn number(&self, kind: usize) -> u32 {
+        self.kinds[kind].number
+    }
+
     /// Number and, in brackets, name of a kind.
     ///
     /// * `kind` — its index

@@ -42,7 +42,7 @@ pub(crate) fn run(arguments: &EvaluateArguments) -> Result<(), Failure> {
         let trips: Vec<TripKinds> = evaluation.trips.iter().map(ClassifiedTrip::trip_kinds).collect();
         segmentation.compare(&trips, n_kinds)
     });
-    for remark in &evaluation.not_compared {
+    for remark in evaluation.remarks.iter().chain(&evaluation.not_compared) {
         log::notice(remark);
     }
     let uses = Uses::of(&evaluation.trips, n_kinds, &map_plan, arguments.plan().seed);
@@ -114,7 +114,7 @@ fn write_policy(path: &Path, model: &Model, policy: &Policy) -> Result<(), Failu
             Role::Commands.types()
         )));
     }
-    let text = policy.to_ron(&model.id().to_string());
+    let text = policy.to_ron(&model.id().to_string(), model.register());
     whole_file::write(path, text.as_bytes()).map_err(|error| Failure::file("write", path, &error))
 }
 

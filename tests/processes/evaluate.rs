@@ -36,6 +36,7 @@ fn evaluation_has_the_fields_that_scripts_rely_on_and_kinds_are_better_than_chan
         "not_compared",
         "pairs",
         "radius_m",
+        "remarks",
         "revisited",
         "segmentation",
         "share",
@@ -129,6 +130,33 @@ fn a_model_of_either_method_is_compared_with_the_other() {
     let pca = evaluate(&robot, &[]);
     assert_eq!(isomap["methods"], pca["methods"]);
     assert_eq!((&isomap["method"], &pca["method"]), (&"isomap".into(), &"pca".into()));
+}
+
+#[test]
+fn a_model_of_more_dimensions_than_there_are_principal_components_is_evaluated_without_them() {
+    let robot = Robot::new();
+    Trip { n_readings: 2, ..Trip::FIRST }.write(&robot.path(FIRST));
+    Trip { n_readings: 2, ..Trip::SECOND }.write(&robot.path(SECOND));
+    robot.succeed(&["train", FIRST, "--output", MODEL, "--dims", "4", "--kinds", "3"]);
+    let outcome = robot.run(&["evaluate", MODEL, FIRST, SECOND, "--report", "report"]);
+    assert_eq!(outcome.code, Some(0), "{outcome:?}");
+    let names: Vec<&str> =
+        outcome.stdout.lines().skip(3).take(2).filter_map(|line| line.split(' ').next()).collect();
+    assert_eq!(names, ["Isomap", "random"], "{outcome:?}");
+    let remark = "kinds are not compared with those of principal components: the 160 landmarks span 2 dimensions and 4 were asked \
+                  for: their frames are too much alike; ask for fewer dimensions or record a trip that sees more";
+    assert!(outcome.stderr.lines().any(|line| line == format!("kinds: {remark}")), "{outcome:?}");
+    let page = String::from_utf8(robot.read("report/report.html")).unwrap();
+    assert!(page.contains(&format!("<li>{remark}</li>")) && !page.contains("PCA"), "{page}");
+    let json = robot.succeed(&["evaluate", MODEL, FIRST, SECOND, "--json"]);
+    let evaluation: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(evaluation["remarks"], serde_json::json!([remark]));
+    assert_eq!(fields(&evaluation["methods"]), ["isomap", "random"]);
+    let forward = &evaluation["pairs"][0]["forward"];
+    assert_eq!(
+        (fields(&forward["surfaces"]), &forward["kappa_lead"]),
+        (vec!["isomap", "random"], &Value::Null)
+    );
 }
 
 #[test]
@@ -229,7 +257,10 @@ fn of_a_single_trip_there_are_map_sequence_and_policy_but_no_consistency() {
     let policy = String::from_utf8(robot.read("policy.ron")).unwrap();
     assert!(policy.contains("forward_m_s: 0.") && policy.contains("trips: [\"first\"]"), "{policy}");
     let single: Value = serde_json::from_str(&robot.succeed(&["evaluate", MODEL, FIRST, "--json"])).unwrap();
-    assert_eq!(fields(&single), ["grid", "method", "not_compared", "pairs", "segmentation", "spaces"]);
+    assert_eq!(
+        fields(&single),
+        ["grid", "method", "not_compared", "pairs", "remarks", "segmentation", "spaces"]
+    );
     assert_eq!(single["spaces"][0]["sequences"][0]["n_frames"], 160);
 }
 

@@ -29,7 +29,7 @@ pub struct Config {
     /// Offset of the log and inverse scales, metres, above 0. Default: 0.3.
     pub offset_m: Option<f64>,
     /// Frames over which each reading's median is taken: 1, none; 3 or 5. Against drop-outs, at the price of one frame's delay, or
-    /// two. Default: 3 where at least 4 % of the readings are missing or far off for one frame alone.
+    /// two. Default: 3 where at least 3 % of the readings are missing or far off for one frame alone.
     pub median: Option<usize>,
     /// Whether frames are compared by slow directions of their readings: off; auto, if kinds change more seldom by four of them; or
     /// `slow((n_components: 40, n_directions: 4))`, at most as many as principal components, which are at most 1000. Default: auto

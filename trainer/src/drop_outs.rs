@@ -3,14 +3,17 @@
 //! A reading stands alone if it is invalid and those of the frames before and after it are not, or if these agree within a tenth and it
 //! is farther than three tenths from their mean. Corners that pass by look like that now and then: some 0.3 to 2.7 % of readings of
 //! recorded and simulated trips without drop-outs do.
+//!
+//! Where these are all, a median can do harm: it made the kinds of two cameras less consistent. Where a few in a hundred of a ring's
+//! readings drop out, it mends the kinds (`benches/RESULTS.md`).
 
 use std::mem::swap;
 
 use kinds_model::MedianPlan;
 use kinds_model::response::INVALID;
 
-/// Share of readings that stand alone from which on a median is taken.
-const SHARE_MIN: f64 = 0.04;
+/// Share of readings that stand alone from which on a median is taken: more than trips without drop-outs have.
+const SHARE_MIN: f64 = 0.03;
 
 /// How many readings stand alone, of trips that are read frame by frame.
 #[derive(Debug, Default)]

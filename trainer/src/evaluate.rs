@@ -77,6 +77,8 @@ pub struct Evaluation {
     pub pairs: Vec<PairScores>,
     /// Why other pairs through the same space were not compared.
     pub not_compared: Vec<String>,
+    /// Sentences about the comparison: which method there is none with, and why.
+    pub remarks: Vec<String>,
     /// The trips, space by space. Scripts read what was made of them instead.
     #[serde(skip)]
     pub trips: Vec<ClassifiedTrip>,
@@ -192,8 +194,7 @@ pub fn evaluate(
 ) -> Result<Evaluation, EvaluateError> {
     plan.check()?;
     assert_eq!(meetings.layout, rivals.isomap.layout(), "trips and models are of one sensor");
-    let own = place_of(rivals.own);
-    let models = rivals.models();
+    let (models, own) = (rivals.models(), rivals.own_place());
     let found = classify(&models, &meetings.trips, progress);
     // Shape (n_methods, n_trips), each the kinds of a trip's frames.
     let kinds: Vec<Vec<&[usize]>> =
@@ -209,12 +210,14 @@ pub fn evaluate(
         let [first, second] = pair.trips;
         let directed = |direction: usize, [first, second]: [usize; 2]| {
             let placed = [first, second].map(|trip| &meetings.trips[trip]);
-            let of_models = models.iter().zip(&kinds).map(|(model, kinds)| MethodKinds {
+            let of_models = models.iter().zip(&kinds).map(|((method, model), kinds)| MethodKinds {
+                method: Some(*method),
                 n_dims: model.manifest().n_dims,
                 n_kinds: model.mixture().n_kinds(),
                 kinds: [placed[0].of_placed(kinds[first]), placed[1].of_placed(kinds[second])],
             });
             let at_random = MethodKinds {
+                method: None,
                 n_dims: 0,
                 n_kinds: rivals.isomap.mixture().n_kinds(),
                 kinds: [first, second].map(|trip| random[trip].clone()),
@@ -251,10 +254,11 @@ pub fn evaluate(
     let pairs: Vec<PairScores> = pairs.collect();
     Ok(Evaluation {
         scores: pairs.first().map(|pair| pair.forward.scores.clone()),
-        method: NAMES[own],
+        method: name_of(rivals.own),
         grid,
+        remarks: rivals.remarks.clone(),
         not_compared: meetings.unmet().iter().map(ToString::to_string).collect(),
-        trips: classified(&meetings.trips, &found[own], models[own]),
+        trips: classified(&meetings.trips, &found[own], models[own].1),
         pairs,
     })
 }
@@ -271,25 +275,25 @@ pub fn evaluate_single(
 ) -> Evaluation {
     assert_eq!(meetings.layout, model.layout(), "trips and model are of one sensor");
     assert!(meetings.is_empty(), "pairs of trips are to be compared");
-    let found = classify(&[model], &meetings.trips, progress);
+    let method = model.manifest().plan.method;
+    let found = classify(&[(method, model)], &meetings.trips, progress);
     Evaluation {
         scores: None,
-        method: NAMES[place_of(model.manifest().plan.method)],
+        method: name_of(method),
         grid: plan.grid(),
         pairs: Vec::new(),
         not_compared: Vec::new(),
+        remarks: Vec::new(),
         trips: classified(&meetings.trips, &found[0], model),
     }
 }
 
-/// Names of methods as scripts read them, in the order of [`Rivals::models`].
-const NAMES: [&str; 3] = ["isomap", "pca", "native"];
-
-fn place_of(method: Method) -> usize {
+/// As scripts read it.
+fn name_of(method: Method) -> &'static str {
     match method {
-        Method::Isomap => 0,
-        Method::Pca => 1,
-        Method::Native => 2,
+        Method::Isomap => "isomap",
+        Method::Pca => "pca",
+        Method::Native => "native",
     }
 }
 
@@ -311,10 +315,10 @@ fn classified(trips: &[Placed], found: &[Found], model: &Model) -> Vec<Classifie
 }
 
 /// What every model finds in every trip.
-fn classify(models: &[&Model], trips: &[Placed], progress: &mut Progress) -> Vec<Vec<Found>> {
+fn classify(models: &[(Method, &Model)], trips: &[Placed], progress: &mut Progress) -> Vec<Vec<Found>> {
     let n_frames = models.len() * trips.iter().map(|placed| placed.trip.survey.n_frames()).sum::<usize>();
     let told = Told::new(Stage::Classifying, n_frames as u64, progress);
-    let by = |model: &&Model| {
+    let by = |(_, model): &(Method, &Model)| {
         let model = Arc::new((*model).clone());
         trips.iter().map(|placed| found_in(&model, placed.trip, &told)).collect()
     };

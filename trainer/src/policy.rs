@@ -14,6 +14,7 @@ mod modes;
 
 use std::ops::Range;
 
+use kinds_model::Register;
 use kinds_trips::Command;
 use serde::{Deserialize, Serialize};
 
@@ -139,16 +140,18 @@ impl Policy {
 
     /// What a robot may be given to begin with.
     ///
-    /// * `model` — whose kinds these are
-    pub fn table(&self, model: &str) -> PolicyTable {
-        let kinds = self.kinds.iter().map(KindPolicy::of).collect();
+    /// * `model` — id of the model whose kinds these are
+    /// * `register` — its register
+    pub fn table(&self, model: &str, register: &Register) -> PolicyTable {
+        let kinds = self.kinds.iter().map(|kind| KindPolicy::of(kind, register)).collect();
         PolicyTable { model: model.to_string(), trips: self.trips.clone(), kinds }
     }
 
     /// The table as RON, with what it means.
-    pub fn to_ron(&self, model: &str) -> String {
+    pub fn to_ron(&self, model: &str, register: &Register) -> String {
         let pretty = ron::ser::PrettyConfig::new().depth_limit(3).compact_arrays(true).new_line("\n");
-        let table = ron::ser::to_string_pretty(&self.table(model), pretty).expect("text and numbers are RON");
+        let table = ron::ser::to_string_pretty(&self.table(model, register), pretty)
+            .expect("text and numbers are RON");
         format!("{TABLE_IN_WORDS}{table}\n")
     }
 }
@@ -156,6 +159,7 @@ impl Policy {
 const TABLE_IN_WORDS: &str = "\
 // A first-pass policy: what the robot was told to do, in the mean, within each kind of place.
 //
+// kind                                         its number, which an update of the model does not change
 // forward_m_s, turn_rad_s                      mean speed forward (m/s) and turn counter-clockwise (rad/s)
 // forward_deviation_m_s, turn_deviation_rad_s  standard deviations about them (m/s, rad/s)
 // n_frames                                     frames of the kind with a command; command: None without any
@@ -179,8 +183,8 @@ pub struct PolicyTable {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KindPolicy {
-    /// Which kind.
-    pub kind: usize,
+    /// Number of the kind, which an update does not change.
+    pub kind: u32,
     /// Frames that say so.
     pub n_frames: usize,
     /// The mean command; `None` where no frame has one.
@@ -206,9 +210,9 @@ pub struct PolicyCommand {
 }
 
 impl KindPolicy {
-    fn of(kind: &KindCommands) -> Self {
+    fn of(kind: &KindCommands, register: &Register) -> Self {
         Self {
-            kind: kind.kind,
+            kind: register.number(kind.kind),
             n_frames: kind.n_frames,
             command: kind.command.as_ref().map(PolicyCommand::of),
             aliased: kind.is_aliased(),

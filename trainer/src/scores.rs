@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use kinds_model::Method;
 use serde::Serialize;
 
 use crate::agreement::Contingency;
@@ -83,8 +84,8 @@ pub struct DirectedScores {
     pub block_m: f64,
     /// How many there are.
     pub n_blocks: usize,
-    /// Whether one method is ahead of the other.
-    pub kappa_lead: KappaLead,
+    /// Whether one method is ahead of the other; none where there is no other.
+    pub kappa_lead: Option<KappaLead>,
     /// Frames of the first trip whose nearest of the second has which kind, by the model's own method: shape
     /// `(n_kinds, n_kinds)`, a row for each kind of the first.
     pub kinds_met: Vec<Vec<usize>>,
@@ -94,6 +95,8 @@ pub struct DirectedScores {
 
 /// A method's kinds of two trips.
 pub(crate) struct MethodKinds {
+    /// None of random kinds.
+    pub(crate) method: Option<Method>,
     pub(crate) n_dims: usize,
     pub(crate) n_kinds: usize,
     /// Of the frames whose place is known, of the first trip and of the second.
@@ -124,7 +127,7 @@ struct Block {
 impl Comparison<'_> {
     /// Scores methods.
     ///
-    /// * `methods` — in the order of [`Methods::from_list`]
+    /// * `methods` — Isomap first
     /// * `own` — which of them is the model's own
     /// * `done` — told the number of frames of each block of the path that is done with
     pub(crate) fn score(
@@ -148,24 +151,28 @@ impl Comparison<'_> {
         let n_shifts = self.revisits.n_shifts();
         let kappa_of =
             |method: usize, draw: &[usize]| counts(&blocks[method], draw).consistency(n_shifts).map(kappa);
-        let lead_of = |draw: &[usize]| Some(kappa_of(0, draw)? - kappa_of(1, draw)?);
+        let place_of = |method| methods.iter().position(|of| of.method == Some(method));
+        let kappa_lead = place_of(Method::Isomap).zip(place_of(Method::Pca)).map(|(isomap, pca)| {
+            let lead_of = |draw: &[usize]| Some(kappa_of(isomap, draw)? - kappa_of(pca, draw)?);
+            KappaLead {
+                isomap_over_pca: scored[isomap].kappa - scored[pca].kappa,
+                confidence: resamples.as_ref().and_then(|resamples| resamples.interval(lead_of)),
+            }
+        });
         let kinds_met = all_pairs(&blocks[own]).rows().map(<[usize]>::to_vec).collect();
         let revisited = self.revisits.share_revisited();
         DirectedScores {
             never_revisited: 1.0 - revisited,
             block_m,
             n_blocks: ranges.len(),
-            kappa_lead: KappaLead {
-                isomap_over_pca: scored[0].kappa - scored[1].kappa,
-                confidence: resamples.as_ref().and_then(|resamples| resamples.interval(lead_of)),
-            },
+            kappa_lead,
             kinds_met,
-            surfaces: Methods::from_list(blocks.iter().map(|blocks| grid(blocks).surface()).collect()),
+            surfaces: by_method(methods, blocks.iter().map(|blocks| grid(blocks).surface())),
             scores: Scores {
                 radius_m: self.radius_m,
                 share: self.share,
                 revisited,
-                methods: Methods::from_list(scored),
+                methods: by_method(methods, scored),
             },
         }
     }
@@ -229,6 +236,10 @@ impl Comparison<'_> {
             confidence,
         }
     }
+}
+
+fn by_method<T>(methods: &[MethodKinds], of_each: impl IntoIterator<Item = T>) -> Methods<T> {
+    Methods::from_list(methods.iter().map(|of| of.method).zip(of_each))
 }
 
 fn counts(blocks: &[Block], draw: &[usize]) -> Counts {
@@ -309,12 +320,14 @@ mod tests {
             n_resamples: 200,
             seed: 3,
         };
-        let kinds = |[first, second]: &[&[usize]; 2]| MethodKinds {
+        let named = [Some(Method::Isomap), Some(Method::Pca), None].into_iter().zip(methods);
+        let kinds = |(method, [first, second]): (Option<Method>, &[&[usize]; 2])| MethodKinds {
+            method,
             n_dims: 2,
             n_kinds: 3,
             kinds: [first.to_vec(), second.to_vec()],
         };
-        comparison.score(&methods.iter().map(kinds).collect::<Vec<_>>(), 0, &|_| ())
+        comparison.score(&named.map(kinds).collect::<Vec<_>>(), 0, &|_| ())
     }
 
     #[test]
@@ -341,6 +354,7 @@ mod tests {
         let sure = isomap.confidence.unwrap();
         assert_eq!((sure.consistency, sure.kappa), ([1.0, 1.0], [1.0, 1.0]));
         assert!(sure.ami.iter().all(|ami| (ami - 1.0).abs() < 1e-12), "{:?}", sure.ami);
+        let pca = pca.unwrap();
         let doubt = pca.confidence.unwrap();
         for (score, [low, high]) in [
             (pca.consistency, doubt.consistency),
@@ -351,10 +365,9 @@ mod tests {
             assert!(low < score && score < high && high - low < 0.8, "{low} {score} {high}");
         }
         assert_eq!((random.kappa, random.chance_area, random.largest_kind_share), (0.0, Some(1.0), 1.0));
-        let [low, high] = found.kappa_lead.confidence.unwrap();
-        assert!(
-            0.0 < low && low < found.kappa_lead.isomap_over_pca && found.kappa_lead.isomap_over_pca < high
-        );
+        let lead = found.kappa_lead.unwrap();
+        let [low, high] = lead.confidence.unwrap();
+        assert!(0.0 < low && low < lead.isomap_over_pca && lead.isomap_over_pca < high);
         assert_eq!((found.never_revisited, found.scores.revisited), (0.0, 1.0));
         // Stretches are 10 m, but for those where the robot turns back: two of them one after the other.
         assert!(found.block_m > 11.0 && found.n_blocks > 40, "{} {}", found.block_m, found.n_blocks);
@@ -370,6 +383,6 @@ mod tests {
         let kinds: [&[usize]; 2] = [&still.1, &still.1];
         let found = compare(&still, &still, &[kinds, kinds, kinds]);
         assert_eq!((found.n_blocks, found.scores.methods.isomap.confidence), (1, None));
-        assert_eq!(found.kappa_lead, KappaLead { isomap_over_pca: 0.0, confidence: None });
+        assert_eq!(found.kappa_lead, Some(KappaLead { isomap_over_pca: 0.0, confidence: None }));
     }
 }

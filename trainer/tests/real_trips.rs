@@ -57,7 +57,10 @@ fn kappas(trips: &[PathBuf; 2], response: ScaleChoice) -> [f64; 2] {
         })
         .collect();
     let of = |method: fn(&Evaluation) -> f64| median(evaluations.iter().map(method).collect());
-    [of(|evaluation| methods(evaluation).isomap.kappa), of(|evaluation| methods(evaluation).pca.kappa)]
+    [
+        of(|evaluation| methods(evaluation).isomap.kappa),
+        of(|evaluation| methods(evaluation).pca.unwrap().kappa),
+    ]
 }
 
 #[test]

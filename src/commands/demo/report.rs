@@ -46,14 +46,14 @@ pub(crate) fn page(
     elsewhere: Option<&Visited>,
 ) -> Page {
     let [isomap, pca] = own;
-    let n_kinds = isomap.mixture().n_kinds();
+    let register = isomap.register();
     let mut page = Page::new(&format!("Natural kinds: {}", home.place));
-    add_trips(&mut page, n_kinds, &home.trips());
-    add_evaluation(&mut page, &home.evaluation);
+    add_trips(&mut page, register, &home.trips());
+    add_evaluation(&mut page, register, &home.evaluation);
     if let Some(visited) = elsewhere {
         let title = format!("The same kinds elsewhere: {}", visited.place);
         page.section(&title);
-        page.figure(kinds_on_path("path-elsewhere", &title, n_kinds, &visited.trips()));
+        page.figure(kinds_on_path("path-elsewhere", &title, register, &visited.trips()));
         let scores = &visited.pair().forward.scores;
         page.paragraph(&format!("{}; {}.", evaluate::headline(scores), visited.runs()));
         page.table(&consistency_table(scores));

@@ -224,9 +224,13 @@ fn frames_without_a_command_are_counted_and_say_nothing() {
 #[test]
 fn the_table_reads_back_and_says_its_units() {
     let policy = Policy::of(&[Planted::of(&left_and_right(), 6).trip()], 3, 0);
-    let text = policy.to_ron("3f2a\"91");
+    let numbers = "(kinds: [(number: 1, name: \"\", note: \"\"), (number: 4, name: \"\", note: \"\"), \
+                   (number: 6, name: \"\", note: \"\")], retired: [])";
+    let register: Register = ron::from_str(numbers).unwrap();
+    let text = policy.to_ron("3f2a\"91", &register);
     let table: PolicyTable = ron::from_str(&text).unwrap();
-    assert_eq!(table, policy.table("3f2a\"91"));
+    assert_eq!(table, policy.table("3f2a\"91", &register));
+    assert_eq!(table.kinds.iter().map(|kind| kind.kind).collect::<Vec<_>>(), [1, 4, 6]);
     assert!(table.kinds[0].aliased && table.kinds[0].modes.len() == 2);
     assert_eq!((table.kinds[2].command, table.kinds[2].n_frames), (None, 0));
     assert!(text.starts_with("// A first-pass policy") && text.contains("(m/s)") && text.contains("(rad/s)"));

@@ -6,6 +6,8 @@
 use kinds_model::mixture::most_probable;
 use kinds_model::{Frames, Model, Response};
 
+use super::kind_style::called;
+
 /// A frame that weighs less than this in a kind's mean is passed over: it would move no reading by a visible amount.
 const RESPONSIBILITY_MIN: f64 = 1e-6;
 
@@ -20,6 +22,10 @@ pub(super) struct Views {
 
 /// What one kind looks like.
 pub(super) struct View {
+    /// What the kind is called.
+    pub(super) name: String,
+    /// Its number.
+    pub(super) number: u32,
     /// Share of the kind among the trained frames, 0…1: the mean of its responsibilities.
     pub(super) share: f64,
     /// Weighted mean, shape `(n_readings,)`.
@@ -152,7 +158,9 @@ impl Views {
                 let medoid_frame = trained[medoid] as usize;
                 let medoid =
                     frames.readings(medoid).iter().map(|&count| unit.value(f64::from(count))).collect();
-                View { share: sum.weight / n_trained, mean, difference, around, medoid_frame, medoid }
+                let (name, number) = (called(model.register(), kind), model.register().number(kind));
+                let share = sum.weight / n_trained;
+                View { name, number, share, mean, difference, around, medoid_frame, medoid }
             })
             .collect();
         Self { unit, of_kinds }

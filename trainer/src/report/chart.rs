@@ -2,8 +2,10 @@
 
 use std::borrow::Cow;
 
+use kinds_model::Register;
+
 use super::axis::{Scale, Ticks};
-use super::drawing::Drawing;
+use super::drawing::{Drawing, WIDTH_MAX};
 use super::markup::{polyline, px};
 
 /// What an axis says.
@@ -44,12 +46,6 @@ const Y_TITLE_PX: f64 = 26.0;
 pub(super) const MARGINS_PX: (f64, f64) = (LEFT_PX + RIGHT_PX, NAME_PX + Y_TITLE_PX + BOTTOM_PX);
 
 impl Axis<'_> {
-    /// A row for each kind, the first on top, where reading begins.
-    pub(super) fn of_kinds(n_kinds: usize, row_px: f64) -> Self {
-        let range = (n_kinds as f64 - 0.5, -0.5);
-        Self { title: "kind", unit: "", range, step_min: 1.0, px_per_tick: row_px }
-    }
-
     fn ticks(&self, length_px: f64) -> Ticks {
         Ticks::new(self.range, (length_px / self.px_per_tick).round() as usize, self.step_min)
     }
@@ -91,6 +87,22 @@ impl Chart {
         drawing.text((0.0, top - Y_TITLE_PX + 13.0), "quiet", &y.titled(&y_ticks));
         drawing.text((right, bottom + 36.0), "quiet end", &x.titled(&x_ticks));
         Self { drawing, x: x_scale, y: y_scale, area }
+    }
+
+    /// Draws the axes, and a row for each kind, the first on top, where reading begins.
+    pub(super) fn of_kinds(name: &str, register: &Register, row_px: f64, x: Axis) -> Self {
+        let n_kinds = register.kinds().len() as f64;
+        let range = (n_kinds - 0.5, -0.5);
+        // Numbers of kinds are not those of rows: no ticks.
+        let y = Axis { title: "kind", unit: "", range, step_min: 0.0, px_per_tick: f64::INFINITY };
+        let mut chart = Self::new((WIDTH_MAX, row_px * n_kinds + MARGINS_PX.1), name, x, y);
+        let [left, _, right, _] = chart.area;
+        for (row, record) in register.kinds().iter().enumerate() {
+            let y_px = chart.y.px(row as f64);
+            chart.drawing.line((left, y_px), (right, y_px), "grid");
+            chart.drawing.text((left - 7.0, y_px + 4.5), "quiet end", &record.number.to_string());
+        }
+        chart
     }
 
     /// Where a pair of numbers is, pixels.

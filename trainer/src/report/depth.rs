@@ -54,8 +54,7 @@ struct Scales {
 /// Legend, a panel for each kind, and how to read them.
 pub(super) fn draw(layout: SensorLayout, views: &Views) -> (Drawing, Vec<Drawing>, String) {
     let scales = Scales::of(views);
-    let panels = views.of_kinds.iter().enumerate();
-    let panels = panels.map(|(kind, view)| images(layout, kind, view, &scales)).collect();
+    let panels = views.of_kinds.iter().map(|view| images(layout, view, &scales)).collect();
     let how = "For each kind: its mean image; the mean less that of all frames, blue where the kind sees farther, orange where \
                it sees nearer; the medoid; and the spread, half the way between one standard deviation below and above the mean."
         .to_string();
@@ -103,11 +102,11 @@ fn spread(view: &View) -> impl Iterator<Item = f64> {
     view.around.iter().map(|(low, high)| (high - low) / 2.0)
 }
 
-fn images(layout: SensorLayout, kind: usize, view: &View, scales: &Scales) -> Drawing {
+fn images(layout: SensorLayout, view: &View, scales: &Scales) -> Drawing {
     let (rows, columns) = (layout.rows, layout.columns);
     let image_height_px = IMAGE_WIDTH_PX * f64::from(rows) / f64::from(columns);
     let row_px = image_height_px + NAME_PX + GAP_PX;
-    let mut drawing = panel((WIDTH_MAX, TOP_PX + 2.0 * row_px - NAME_PX - GAP_PX + 2.0), kind, view);
+    let mut drawing = panel((WIDTH_MAX, TOP_PX + 2.0 * row_px - NAME_PX - GAP_PX + 2.0), view);
     let of_mean = |scale: &Scale, values: &[f64]| scale.image(columns, rows, values.iter().copied());
     let images = [
         ("mean".to_string(), of_mean(&scales.range, &view.mean)),

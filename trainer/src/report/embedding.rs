@@ -37,7 +37,8 @@ pub fn embedding(model: &Model) -> Figure {
     let titles = ["frame", "kind", "dimension_1_counts", "dimension_2_counts", "dimension_3_counts"];
     let mut csv = Csv::new(&titles[..2 + n_shown]);
     for ((frame, kind), place) in points.frames.iter().zip(&points.kinds).zip(&points.places) {
-        let mut cells: Vec<&dyn std::fmt::Display> = vec![frame, kind];
+        let number = model.register().number(*kind);
+        let mut cells: Vec<&dyn std::fmt::Display> = vec![frame, &number];
         cells.extend(place[..n_shown].iter().map(|coordinate| coordinate as &dyn std::fmt::Display));
         csv.line(&cells);
     }
@@ -50,7 +51,7 @@ pub fn embedding(model: &Model) -> Figure {
         "{which} in the first {n_shown} of {n_dims} dimensions, each dot with the colour of its most probable kind. Numbers \
          stand at the means of the kinds. Frames near each other looked alike to the robot."
     );
-    let legend = legend(&names(model.mixture().n_kinds()));
+    let legend = legend(&names(model.register()));
     Figure::new("embedding", "Embedding", caption, Some(legend), panels, csv)
 }
 
@@ -102,7 +103,7 @@ fn projection(model: &Model, points: &Points, (across, up): (usize, usize)) -> D
     let n_dims = model.mixture().n_dims();
     for (kind, mean) in model.mixture().means().chunks_exact(n_dims).enumerate() {
         let (x, y) = chart.at((mean[across], mean[up]));
-        chart.drawing.text((x, y + 4.5), "name middle halo", &kind.to_string());
+        chart.drawing.text((x, y + 4.5), "name middle halo", &model.register().number(kind).to_string());
     }
     chart.drawing
 }

@@ -1,5 +1,7 @@
 //! What an evaluation has to show: scores by method, whatever counts as a place, both ways, and how sure they are.
 
+use kinds_model::Register;
+
 use super::page::{Column, Page, Table};
 use super::scores::{range, signed, tenths};
 use super::{
@@ -13,12 +15,14 @@ use crate::trip_kinds::TripKinds;
 
 /// Adds whether a place seen again gets the same kind: the first pair of trips of each space in full, and all pairs in a
 /// table.
-pub fn add_evaluation(page: &mut Page, evaluation: &Evaluation) {
+///
+/// * `register` — of the model that was evaluated
+pub fn add_evaluation(page: &mut Page, register: &Register, evaluation: &Evaluation) {
     let mut spaces: Vec<usize> = evaluation.pairs.iter().map(|pair| pair.space).collect();
     spaces.dedup();
     for space in &spaces {
         let first = evaluation.pairs.iter().find(|pair| pair.space == *space);
-        first.into_iter().for_each(|pair| add_pair(page, evaluation, pair));
+        first.into_iter().for_each(|pair| add_pair(page, register, evaluation, pair));
     }
     if evaluation.pairs.is_empty() {
         page.section("Consistency");
@@ -40,12 +44,12 @@ pub fn add_evaluation(page: &mut Page, evaluation: &Evaluation) {
 /// Adds where and when the robot saw which kind: first where the kinds were learnt, then elsewhere.
 ///
 /// * `trips` — space by space
-pub fn add_classified_trips(page: &mut Page, n_kinds: usize, trips: &[ClassifiedTrip]) {
+pub fn add_classified_trips(page: &mut Page, register: &Register, trips: &[ClassifiedTrip]) {
     for of_space in trips.chunk_by(|a, b| a.space == b.space) {
         let space = of_space[0].space;
         let of_space: Vec<TripKinds> = of_space.iter().map(ClassifiedTrip::trip_kinds).collect();
         if space == 0 {
-            add_trips(page, n_kinds, &of_space);
+            add_trips(page, register, &of_space);
             continue;
         }
         let title = elsewhere("The trips", space);
@@ -60,11 +64,11 @@ pub fn add_classified_trips(page: &mut Page, n_kinds: usize, trips: &[Classified
                 trip.title
             )
         }));
-        page.figure(kinds_on_path(&file("path", space), "Kinds on the path, elsewhere", n_kinds, &of_space));
+        page.figure(kinds_on_path(&file("path", space), "Kinds on the path, elsewhere", register, &of_space));
         page.figure(kinds_along_time(
             &file("time", space),
             "Kinds along time, elsewhere",
-            n_kinds,
+            register,
             &of_space,
         ));
     }
@@ -88,7 +92,7 @@ pub(super) fn file(name: &str, space: usize) -> String {
     }
 }
 
-fn add_pair(page: &mut Page, evaluation: &Evaluation, pair: &PairScores) {
+fn add_pair(page: &mut Page, register: &Register, evaluation: &Evaluation, pair: &PairScores) {
     let PairScores { space, trips: [first, second], forward, registration, .. } = pair;
     let named = |name: &str| file(name, *space);
     page.section(&elsewhere("Consistency", *space));
@@ -101,13 +105,16 @@ fn add_pair(page: &mut Page, evaluation: &Evaluation, pair: &PairScores) {
         tenths(*never_revisited),
     ));
     page.table(&consistency_table(scores));
-    page.paragraph(&lead_in_words(forward));
+    match &forward.kappa_lead {
+        Some(lead) => page.paragraph(&lead_in_words(lead, forward)),
+        None => page.list(&evaluation.remarks),
+    }
     page.figure(consistency(&named("consistency"), "Consistency by method", scores));
     let title = "Consistency, whatever counts as a place";
     page.figure(consistency_surfaces(&named("surfaces"), title, &evaluation.grid, &forward.surfaces));
     let own = own_scores(evaluation, forward);
     let title = "Which kinds are taken for which";
-    page.figure(kinds_met(&named("kinds-met"), title, [first, second], &forward.kinds_met));
+    page.figure(kinds_met(&named("kinds-met"), title, register, [first, second], &forward.kinds_met));
     let title = "When poses are off";
     page.figure(registration_errors(&named("registration"), title, own.kappa, registration));
 }
@@ -115,16 +122,17 @@ fn add_pair(page: &mut Page, evaluation: &Evaluation, pair: &PairScores) {
 /// The scores of the model's own method.
 fn own_scores<'a>(evaluation: &Evaluation, directed: &'a DirectedScores) -> &'a MethodScores {
     let methods = &directed.scores.methods;
-    match (evaluation.method, &methods.native) {
-        ("native", Some(native)) => native,
-        ("pca", _) => &methods.pca,
-        _ => &methods.isomap,
-    }
+    let own = match evaluation.method {
+        "native" => methods.native.as_ref(),
+        "pca" => methods.pca.as_ref(),
+        _ => Some(&methods.isomap),
+    };
+    own.expect("the model that is evaluated is among those compared")
 }
 
 /// Which of Isomap and principal components is ahead, if one is.
-fn lead_in_words(directed: &DirectedScores) -> String {
-    let KappaLead { isomap_over_pca, confidence } = directed.kappa_lead;
+fn lead_in_words(lead: &KappaLead, directed: &DirectedScores) -> String {
+    let &KappaLead { isomap_over_pca, confidence } = lead;
     let blocks = format!("{} blocks of the path of {:.1} m each", directed.n_blocks, directed.block_m);
     let Some([low, high]) = confidence else {
         return format!(

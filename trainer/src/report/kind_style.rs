@@ -1,5 +1,8 @@
 //! How kinds look: a colour and a width for each, as in the paper, so that they are told apart without colour too.
 
+use kinds_model::Register;
+
+use super::chart::fitted;
 use super::drawing::{Drawing, WIDTH_MAX};
 use super::theme::N_COLOURS;
 pub(super) use crate::runs::runs;
@@ -82,14 +85,25 @@ pub(super) fn legend(names: &[(usize, String)]) -> Drawing {
         let x = (index % columns) as f64 * entry_px + 4.0;
         let y = (index / columns) as f64 * ROW_PX + ROW_PX / 2.0;
         drawing.path_with(&format!("M{x} {y}h{}", SAMPLE_PX - 4.0), &style.class(), &style.attributes());
-        drawing.text((x + SAMPLE_PX + 4.0, y + 4.5), "", name);
+        drawing.text((x + SAMPLE_PX + 4.0, y + 4.5), "", &fitted(name, WIDTH_MAX - SAMPLE_PX - 8.0));
     }
     drawing
 }
 
-/// Names of all kinds: `kind 0`, `kind 1`, ….
-pub(super) fn names(n_kinds: usize) -> Vec<(usize, String)> {
-    (0..n_kinds).map(|kind| (kind, format!("kind {kind}"))).collect()
+/// What all kinds are called.
+pub(super) fn names(register: &Register) -> Vec<(usize, String)> {
+    (0..register.kinds().len()).map(|kind| (kind, called(register, kind))).collect()
+}
+
+/// `kind 3 (doorway)`
+pub(super) fn called(register: &Register, kind: usize) -> String {
+    format!("kind {}", register.label(kind))
+}
+
+/// The legend of a figure that has room for numbers alone; none where nobody has named a kind.
+pub(super) fn legend_of_names(register: &Register) -> Option<Drawing> {
+    let is_named = register.kinds().iter().any(|record| !record.name.is_empty());
+    is_named.then(|| legend(&names(register)))
 }
 
 #[cfg(test)]

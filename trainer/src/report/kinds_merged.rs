@@ -6,7 +6,7 @@ use kinds_model::{Model, Register};
 use super::chart::fitted;
 use super::drawing::{Drawing, WIDTH_MAX};
 use super::figure::Figure;
-use super::kind_style::KindStyle;
+use super::kind_style::{KindStyle, called};
 use super::markup::{Csv, px};
 
 const TOP_PX: f64 = 44.0;
@@ -24,10 +24,9 @@ pub fn kinds_merged(model: &Model) -> Option<Figure> {
     let merges = &model.manifest().merges;
     let last = merges.len().checked_sub(1)?;
     let register = model.register();
-    let number = |kind: usize| register.kinds()[kind].number;
     let mut csv = Csv::new(&["n_groups_left", "first_kind_of_group", "first_kind_of_group_that_joins_it"]);
     for (index, &(into, from)) in merges.iter().enumerate() {
-        csv.line(&[&(last + 1 - index), &number(into), &number(from)]);
+        csv.line(&[&(last + 1 - index), &register.number(into), &register.number(from)]);
     }
     let caption = "From left to right those two groups of kinds come together that the frames tell apart least: by which the entropy \
                    of the responsibilities falls most. A program may ask for the probabilities of as many groups as it wants."
@@ -44,7 +43,7 @@ pub fn kinds_merged(model: &Model) -> Option<Figure> {
 
 fn draw(register: &Register, merges: &[Merge]) -> Drawing {
     let n_kinds = merges.len() + 1;
-    let labels: Vec<String> = (0..n_kinds).map(|kind| format!("kind {}", register.label(kind))).collect();
+    let labels: Vec<String> = (0..n_kinds).map(|kind| called(register, kind)).collect();
     let longest = labels.iter().map(|label| label.chars().count()).max().unwrap_or(0);
     let names_px = (LETTER_PX * longest as f64 + 18.0).min(NAMES_PX_MAX);
     let begin_px = names_px + SAMPLE_PX;

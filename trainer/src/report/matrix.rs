@@ -1,5 +1,7 @@
 //! A heat matrix: numbers of rows and columns as shades, with the numbers written where they fit.
 
+use kinds_model::Register;
+
 use super::chart::fitted;
 use super::drawing::{Drawing, WIDTH_MAX};
 use super::markup::px;
@@ -79,6 +81,16 @@ impl Matrix<'_> {
         drawing.frame((names_px, TOP_PX), (cell_px * n_columns, row_px * n_rows));
         drawing
     }
+}
+
+/// Names of rows that are kinds.
+pub(super) fn rows_of_kinds(register: &Register) -> Vec<String> {
+    (0..register.kinds().len()).map(|kind| register.label(kind)).collect()
+}
+
+/// Names of columns that are kinds: a cell is as wide as a number.
+pub(super) fn columns_of_kinds(register: &Register) -> Vec<String> {
+    register.kinds().iter().map(|record| record.number.to_string()).collect()
 }
 
 /// Says what shades mean.

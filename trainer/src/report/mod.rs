@@ -14,15 +14,16 @@
 //!
 //! let mut page = Page::new("Kinds of crunch/ring");
 //! add_model(&mut page, model, None, &[]);
-//! add_trips(&mut page, model.mixture().n_kinds(), trips);
-//! add_evaluation(&mut page, evaluation);
+//! add_trips(&mut page, model.register(), trips);
+//! add_evaluation(&mut page, model.register(), evaluation);
 //! for file in page.files() {
 //!     // Write file.contents to file.name.
 //! }
 //! # }
 //! ```
 //!
-//! Kinds have one look everywhere: a colour, and on the path a width, so that they are told apart without colour. Text
+//! Kinds have one look everywhere: a colour, and on the path a width, so that they are told apart without colour. They are
+//! called by the numbers that they keep, and by their names where there is room for words ([`kinds_model::Register`]). Text
 //! in figures is at least 11 px high on a page 400 px wide: panels are small and wrap.
 
 mod axis;

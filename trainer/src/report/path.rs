@@ -2,13 +2,14 @@
 
 use std::ops::Range;
 
+use kinds_model::Register;
 use kinds_trips::Pose;
 
 use super::axis::{Ticks, range};
 use super::chart::{Axis, Chart, MARGINS_PX, X_PX_PER_TICK, Y_PX_PER_TICK};
 use super::drawing::{Drawing, WIDTH_MAX};
 use super::figure::Figure;
-use super::kind_style::{KindStyle, legend, names, runs};
+use super::kind_style::{KindStyle, called, legend, names, runs};
 use super::markup::{Csv, percent, polyline};
 use crate::trip_kinds::TripKinds;
 
@@ -21,25 +22,26 @@ const HEIGHT_PX_MIN: f64 = 90.0;
 /// Each kind has its colour and its width. Thin lines lie above thick ones, so that a place passed twice shows both.
 ///
 /// * `name`, `title` — of the figure; its files have the name
-/// * `n_kinds` — of the model, so that every figure has the same legend
-pub fn kinds_on_path(name: &str, title: &str, n_kinds: usize, trips: &[TripKinds]) -> Figure {
+/// * `register` — of the model, so that every figure has the same legend
+pub fn kinds_on_path(name: &str, title: &str, register: &Register, trips: &[TripKinds]) -> Figure {
     let bounds = bounds(trips);
     let panels = trips.iter().map(|trip| map(trip, bounds)).collect();
     let mut csv = Csv::new(&["trip", "frame", "x_m", "y_m", "kind"]);
     for trip in trips {
         for (frame, (pose, kind)) in trip.poses.iter().zip(trip.kinds).enumerate() {
             if let Some(Pose { x_m, y_m, .. }) = pose {
-                csv.line(&[&trip.title, &frame, x_m, y_m, kind]);
+                csv.line(&[&trip.title, &frame, x_m, y_m, &register.number(*kind)]);
             }
         }
     }
-    let counts = trips.iter().map(|trip| format!("{}: {}", trip.title, most_frequent(&placed_kinds(trip))));
+    let count = |trip: &TripKinds| most_frequent(&placed_kinds(trip), register);
+    let counts = trips.iter().map(|trip| format!("{}: {}", trip.title, count(trip)));
     let caption = format!(
         "Each stretch of the path has the colour and the width of its kind; the circle is the start. Metres on both axes, on one \
          scale. {}.",
         counts.collect::<Vec<_>>().join("; ")
     );
-    Figure::new(name, title, caption, Some(legend(&names(n_kinds))), panels, csv)
+    Figure::new(name, title, caption, Some(legend(&names(register))), panels, csv)
 }
 
 /// The kind of each frame whose place is known.
@@ -48,8 +50,8 @@ fn placed_kinds(trip: &TripKinds) -> Vec<Option<usize>> {
     trip.poses.iter().zip(trip.kinds).map(|(pose, kind)| pose.map(|_| *kind)).collect()
 }
 
-/// `1382 frames in 41 stretches, 31 % of them of kind 2`
-fn most_frequent(kinds: &[Option<usize>]) -> String {
+/// `1382 frames in 41 stretches, 31 % of them of kind 2 (doorway)`
+fn most_frequent(kinds: &[Option<usize>], register: &Register) -> String {
     let mut n_frames_of = vec![0_usize; kinds.iter().flatten().max().map_or(0, |most| most + 1)];
     kinds.iter().flatten().for_each(|&kind| n_frames_of[kind] += 1);
     let n_frames: usize = n_frames_of.iter().sum();
@@ -58,9 +60,10 @@ fn most_frequent(kinds: &[Option<usize>]) -> String {
     match largest {
         None => "no frame with a known place".to_string(),
         Some(kind) => format!(
-            "{n_frames} frames in {n_runs} {}, {} of them of kind {kind}",
+            "{n_frames} frames in {n_runs} {}, {} of them of {}",
             if n_runs == 1 { "stretch" } else { "stretches" },
-            percent(n_frames_of[kind] as f64 / n_frames as f64)
+            percent(n_frames_of[kind] as f64 / n_frames as f64),
+            called(register, kind)
         ),
     }
 }
@@ -143,7 +146,7 @@ mod tests {
     #[test]
     fn the_most_frequent_kind_is_named_the_first_of_equals_and_frames_without_a_place_are_not_counted() {
         let check = |kinds: &[Option<usize>], expected: &str| {
-            assert_eq!(most_frequent(kinds).replace('\u{a0}', " "), expected);
+            assert_eq!(most_frequent(kinds, &Register::new(4)).replace('\u{a0}', " "), expected);
         };
         check(&[Some(3), Some(1), Some(1), Some(3)], "4 frames in 3 stretches, 50 % of them of kind 1");
         check(&[None, Some(0), Some(0)], "2 frames in 1 stretch, 100 % of them of kind 0");

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use kinds_model::Register;
 use kinds_trips::Command;
 
 use super::axis::range;
@@ -9,7 +10,7 @@ use super::chart::{Axis, Chart, MARGINS_PX, X_PX_PER_TICK, Y_PX_PER_TICK};
 use super::drawing::Drawing;
 use super::evaluation::{elsewhere, file};
 use super::figure::Figure;
-use super::kind_style::KindStyle;
+use super::kind_style::{KindStyle, called};
 use super::markup::{Csv, percent, px};
 use super::page::{Column, Page, Table};
 use super::scores::signed;
@@ -25,7 +26,7 @@ const N_DOTS_MAX: usize = 300;
 const N_SPELLS_MAX: usize = 10;
 
 /// Adds the commands given in each kind, of the trips through one space.
-pub fn add_policy(page: &mut Page, space: usize, trips: &[TripKinds], policy: &Policy) {
+pub fn add_policy(page: &mut Page, space: usize, register: &Register, trips: &[TripKinds], policy: &Policy) {
     page.section(&elsewhere("What the robot was told to do", space));
     if !policy.has_commands() {
         page.paragraph(
@@ -38,17 +39,17 @@ pub fn add_policy(page: &mut Page, space: usize, trips: &[TripKinds], policy: &P
          commands were of two sorts allows none: to the sensor its places are one, to whoever steered they were not (the paper's \
          dogs and wolves).",
     );
-    page.table(&policy_table(policy));
-    page.figure(commands(&file("commands", space), "Commands in each kind", trips, policy));
+    page.table(&policy_table(register, policy));
+    page.figure(commands(&file("commands", space), "Commands in each kind", register, trips, policy));
     for kind in policy.aliased() {
-        add_aliased(page, kind);
+        add_aliased(page, register, kind);
     }
 }
 
-fn add_aliased(page: &mut Page, kind: &KindCommands) {
+fn add_aliased(page: &mut Page, register: &Register, kind: &KindCommands) {
     page.paragraph(&format!(
         "Kind {} is perceptually aliased; this is where each sort of command shows:",
-        kind.kind
+        register.label(kind.kind)
     ));
     let mut table = Table::new(vec![
         Column::text("command"),
@@ -85,9 +86,10 @@ fn in_words(command: &CommandSpread) -> String {
 }
 
 /// A row for each kind.
-pub fn policy_table(policy: &Policy) -> Table {
-    let numbers = ["kind", "frames", "forward, m/s", "turn, rad/s"].map(Column::number);
-    let mut table = Table::new(numbers.into_iter().chain([Column::text("sorts of command")]).collect());
+pub fn policy_table(register: &Register, policy: &Policy) -> Table {
+    let numbers = ["frames", "forward, m/s", "turn, rad/s"].map(Column::number);
+    let [first, last] = ["kind", "sorts of command"].map(Column::text);
+    let mut table = Table::new([first].into_iter().chain(numbers).chain([last]).collect());
     for kind in &policy.kinds {
         let cells = match &kind.command {
             None => ["–".to_string(), "–".to_string()],
@@ -105,7 +107,7 @@ pub fn policy_table(policy: &Policy) -> Table {
             modes => modes.iter().map(|mode| in_words(&mode.command)).collect::<Vec<_>>().join("; or "),
         };
         let [forward, turn] = cells;
-        table.row(vec![kind.kind.to_string(), kind.n_frames.to_string(), forward, turn, sorts]);
+        table.row(vec![register.label(kind.kind), kind.n_frames.to_string(), forward, turn, sorts]);
     }
     table
 }
@@ -113,7 +115,13 @@ pub fn policy_table(policy: &Policy) -> Table {
 /// Commands of each kind, a panel each: turn to the right, speed upwards.
 ///
 /// * `name`, `title` — of the figure; its files have the name
-pub fn commands(name: &str, title: &str, trips: &[TripKinds], policy: &Policy) -> Figure {
+pub fn commands(
+    name: &str,
+    title: &str,
+    register: &Register,
+    trips: &[TripKinds],
+    policy: &Policy,
+) -> Figure {
     let mut csv = Csv::new(&["trip", "frame", "kind", "forward_m_s", "turn_rad_s", "sort"]);
     let mut of_kinds: Vec<Vec<Command>> = vec![Vec::new(); policy.kinds.len()];
     for (trip, modes) in trips.iter().zip(&policy.modes) {
@@ -121,7 +129,8 @@ pub fn commands(name: &str, title: &str, trips: &[TripKinds], policy: &Policy) -
         for (frame, ((&kind, command), mode)) in frames {
             let Some(command) = command else { continue };
             let sort = mode.map_or(String::new(), |mode| mode.to_string());
-            csv.line(&[&trip.title, &frame, &kind, &command.forward_m_s, &command.turn_rad_s, &sort]);
+            let number = register.number(kind);
+            csv.line(&[&trip.title, &frame, &number, &command.forward_m_s, &command.turn_rad_s, &sort]);
             of_kinds[kind].push(*command);
         }
     }
@@ -129,7 +138,11 @@ pub fn commands(name: &str, title: &str, trips: &[TripKinds], policy: &Policy) -
     let ranges =
         (range(all().map(|command| command.turn_rad_s)), range(all().map(|command| command.forward_m_s)));
     let panels = policy.kinds.iter().filter(|kind| kind.n_frames > 0);
-    let panels = panels.map(|kind| panel(kind, &of_kinds[kind.kind], ranges)).collect();
+    let heading = |kind: &KindCommands| {
+        let sorts = if kind.is_aliased() { ", two sorts" } else { "" };
+        format!("{}{sorts}", called(register, kind.kind))
+    };
+    let panels = panels.map(|kind| panel(&heading(kind), kind, &of_kinds[kind.kind], ranges)).collect();
     let caption = format!(
         "Each dot is a frame's command (of many frames {N_DOTS_MAX}, evenly taken), the cross the mean, the ellipse one standard \
          deviation. Of a kind whose commands are of two sorts, each sort has its own."
@@ -137,11 +150,15 @@ pub fn commands(name: &str, title: &str, trips: &[TripKinds], policy: &Policy) -
     Figure::new(name, title, caption, None, panels, csv)
 }
 
-fn panel(kind: &KindCommands, commands: &[Command], (turn, forward): ((f64, f64), (f64, f64))) -> Drawing {
-    let heading = format!("kind {}{}", kind.kind, if kind.is_aliased() { ", two sorts" } else { "" });
+fn panel(
+    heading: &str,
+    kind: &KindCommands,
+    commands: &[Command],
+    (turn, forward): ((f64, f64), (f64, f64)),
+) -> Drawing {
     let mut chart = Chart::new(
         (SIZE_PX.0 + MARGINS_PX.0, SIZE_PX.1 + MARGINS_PX.1),
-        &heading,
+        heading,
         // Counter-clockwise is to the left, as the robot sees it.
         Axis {
             title: "turn",

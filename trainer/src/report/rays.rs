@@ -69,7 +69,7 @@ fn on_ray((x, y): (f64, f64), bearing_rad: f64, radius_px: f64) -> (f64, f64) {
 }
 
 fn rings(layout: SensorLayout, kind: usize, view: &View, scales: &Scales) -> Drawing {
-    let mut drawing = panel((WIDTH_MAX, HEIGHT_PX), kind, view);
+    let mut drawing = panel((WIDTH_MAX, HEIGHT_PX), view);
     drawing.text((WIDTH_MAX, 13.0), "quiet end", &format!("medoid: frame {}", view.medoid_frame));
     draw_mean(&mut drawing, layout, kind, view, scales);
     draw_difference(&mut drawing, layout, view, scales);

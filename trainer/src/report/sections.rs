@@ -1,7 +1,8 @@
 //! What `train` and `evaluate` have to show, put on a page in the order in which a person asks.
 
 use kinds_model::{
-    Covariance, DirichletProvenance, FitPlan, Manifest, Method, MetricPlan, Model, Provenance, Scale,
+    Covariance, DirichletProvenance, FitPlan, Manifest, Method, MetricPlan, Model, Provenance, Register,
+    Scale,
 };
 
 use super::canonical::responsibilities;
@@ -102,17 +103,17 @@ fn add_dirichlet(page: &mut Page, process: &DirichletProvenance) {
 /// Adds where and when the robot saw which kind.
 ///
 /// The figures are named `path` and `time`.
-pub fn add_trips(page: &mut Page, n_kinds: usize, trips: &[TripKinds]) {
+pub fn add_trips(page: &mut Page, register: &Register, trips: &[TripKinds]) {
     page.section("The trips");
     if trips.iter().any(|trip| trip.poses.iter().any(Option::is_some)) {
-        page.figure(kinds_on_path("path", "Kinds on the path", n_kinds, trips));
+        page.figure(kinds_on_path("path", "Kinds on the path", register, trips));
     } else {
         page.paragraph(
             "Nobody knows where the robot was: there is no map without nav_msgs/msg/Odometry or \
                         geometry_msgs/msg/PoseStamped.",
         );
     }
-    page.figure(kinds_along_time("time", "Kinds along time", n_kinds, trips));
+    page.figure(kinds_along_time("time", "Kinds along time", register, trips));
 }
 
 /// Adds where and when the robot saw which kind on the trips that a model was learnt from.
@@ -133,7 +134,7 @@ pub fn add_learnt_trips(page: &mut Page, model: &Model, tracks: &[Track]) {
         })
         .collect();
     assert!(left.is_empty(), "every trained frame is of one of the trips");
-    add_trips(page, model.mixture().n_kinds(), &trips);
+    add_trips(page, model.register(), &trips);
 }
 
 /// What a model's coordinates are made by, as tables and figures name it.

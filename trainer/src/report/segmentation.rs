@@ -1,8 +1,11 @@
 //! A person's own segmentation beside the kinds: agreement, and where there is none.
 
+use kinds_model::Register;
+
 use super::figure::Figure;
+use super::kind_style::called;
 use super::markup::Csv;
-use super::matrix::{Cell, Matrix, shades_legend};
+use super::matrix::{Cell, Matrix, columns_of_kinds, shades_legend};
 use super::page::{Column, Page, Table};
 use super::scores::{signed, tenths};
 use crate::segmentation::SegmentationAgreement;
@@ -11,7 +14,7 @@ use crate::segmentation::SegmentationAgreement;
 const N_LISTED_MAX: usize = 20;
 
 /// Adds how far names and kinds agree, and where they do not.
-pub fn add_segmentation(page: &mut Page, agreement: &SegmentationAgreement) {
+pub fn add_segmentation(page: &mut Page, register: &Register, agreement: &SegmentationAgreement) {
     page.section("A person's own segmentation");
     let share = agreement.n_frames_named as f64 / agreement.n_frames.max(1) as f64;
     page.paragraph(&format!(
@@ -20,17 +23,17 @@ pub fn add_segmentation(page: &mut Page, agreement: &SegmentationAgreement) {
         agreement.names.len(),
         signed(agreement.ami)
     ));
-    page.figure(names_and_kinds("segmentation", "Names and kinds", agreement));
+    page.figure(names_and_kinds("segmentation", "Names and kinds", register, agreement));
     page.paragraph("To the person the same place as elsewhere, to the robot another:");
     let rows = agreement.kinds_differ.iter().map(|differs| {
-        let what =
-            [differs.name.clone(), format!("kind {}", differs.usual_kind), format!("kind {}", differs.kind)];
+        let [usual, here] = [differs.usual_kind, differs.kind].map(|kind| called(register, kind));
+        let what = [differs.name.clone(), usual, here];
         (differs.trip.clone(), differs.from_s, differs.to_s, differs.n_frames, what)
     });
     add_list(page, ["name", "usually", "here"], rows.collect());
     page.paragraph("To the robot the same place as elsewhere, to the person another:");
     let rows = agreement.names_differ.iter().map(|differs| {
-        let what = [format!("kind {}", differs.kind), differs.usual_name.clone(), differs.name.clone()];
+        let what = [called(register, differs.kind), differs.usual_name.clone(), differs.name.clone()];
         (differs.trip.clone(), differs.from_s, differs.to_s, differs.n_frames, what)
     });
     add_list(page, ["kind", "usually", "here"], rows.collect());
@@ -59,12 +62,17 @@ fn add_list(page: &mut Page, titles: [&str; 3], rows: Vec<Differs>) {
 /// Frames of each name and kind.
 ///
 /// * `name`, `title` — of the figure; its files have the name
-pub fn names_and_kinds(name: &str, title: &str, agreement: &SegmentationAgreement) -> Figure {
+pub fn names_and_kinds(
+    name: &str,
+    title: &str,
+    register: &Register,
+    agreement: &SegmentationAgreement,
+) -> Figure {
     let mut csv = Csv::new(&["name", "kind", "n_frames"]);
     let cells = agreement.names.iter().zip(&agreement.n_frames_of).map(|(name, row)| {
         let n_frames: usize = row.iter().sum();
         let cell = |(kind, &n): (usize, &usize)| {
-            csv.line(&[name, &kind, &n]);
+            csv.line(&[name, &register.number(kind), &n]);
             let share = n as f64 / n_frames.max(1) as f64;
             Cell { shade: share, text: if n == 0 { String::new() } else { n.to_string() } }
         };
@@ -76,7 +84,7 @@ pub fn names_and_kinds(name: &str, title: &str, agreement: &SegmentationAgreemen
         column_title: "kind, frames",
         cells: cells.collect(),
         rows: agreement.names.clone(),
-        columns: (0..agreement.usual_names.len()).map(|kind| kind.to_string()).collect(),
+        columns: columns_of_kinds(register),
     };
     let panels = vec![matrix.draw()];
     let caption = "How many frames of each name have which kind; shades are shares of the row. A name with one dark cell is one place \

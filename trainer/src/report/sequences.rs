@@ -1,13 +1,15 @@
 //! What a trip's kinds are as a sequence: how often they change, how long they last, and what follows what.
 
+use kinds_model::Register;
+
 use super::axis::range;
-use super::chart::{Axis, Chart, MARGINS_PX, X_PX_PER_TICK};
-use super::drawing::{Drawing, WIDTH_MAX};
+use super::chart::{Axis, Chart, X_PX_PER_TICK};
+use super::drawing::Drawing;
 use super::evaluation::{elsewhere, file};
 use super::figure::Figure;
-use super::kind_style::{KindStyle, runs};
+use super::kind_style::{KindStyle, legend_of_names, runs};
 use super::markup::Csv;
-use super::matrix::{Cell, Matrix, shades_legend};
+use super::matrix::{Cell, Matrix, columns_of_kinds, rows_of_kinds, shades_legend};
 use super::page::{Column, Page, Table};
 use crate::sequence::Sequence;
 use crate::trip_kinds::TripKinds;
@@ -17,7 +19,13 @@ const ROW_PX: f64 = 24.0;
 /// Adds the sequences of the trips through one space.
 ///
 /// * `sequences` — of the trips, in their order
-pub fn add_sequences(page: &mut Page, space: usize, trips: &[TripKinds], sequences: &[Sequence]) {
+pub fn add_sequences(
+    page: &mut Page,
+    space: usize,
+    register: &Register,
+    trips: &[TripKinds],
+    sequences: &[Sequence],
+) {
     page.section(&elsewhere("Kinds one after the other", space));
     page.paragraph(
         "Kinds that say something of places last while the robot goes on; kinds that say nothing change from frame to frame. The \
@@ -25,8 +33,8 @@ pub fn add_sequences(page: &mut Page, space: usize, trips: &[TripKinds], sequenc
     );
     page.table(&sequence_table(sequences));
     let title = "What follows what";
-    page.figure(transitions(&file("transitions", space), title, sequences));
-    page.figure(run_lengths(&file("run-lengths", space), "How long kinds last", trips));
+    page.figure(transitions(&file("transitions", space), title, register, sequences));
+    page.figure(run_lengths(&file("run-lengths", space), "How long kinds last", register, trips));
 }
 
 /// A row for each trip.
@@ -65,16 +73,15 @@ pub fn sequence_table(sequences: &[Sequence]) -> Table {
 /// How often one kind is followed by another, a matrix for each trip.
 ///
 /// * `name`, `title` — of the figure; its files have the name
-pub fn transitions(name: &str, title: &str, sequences: &[Sequence]) -> Figure {
+pub fn transitions(name: &str, title: &str, register: &Register, sequences: &[Sequence]) -> Figure {
     let mut csv = Csv::new(&["trip", "kind", "next_kind", "n_frames"]);
     let panels = sequences.iter().map(|sequence| {
-        let names: Vec<String> = (0..sequence.n_transitions.len()).map(|kind| kind.to_string()).collect();
         let cells = sequence.n_transitions.iter().enumerate().map(|(kind, row)| {
             // What stays is most of everything, and would hide what changes.
             let n_left: usize =
                 row.iter().enumerate().filter(|(next, _)| *next != kind).map(|(_, n)| n).sum();
             let cell = |(next, &n): (usize, &usize)| {
-                csv.line(&[&sequence.trip, &kind, &next, &n]);
+                csv.line(&[&sequence.trip, &register.number(kind), &register.number(next), &n]);
                 let share = if next == kind { 0.0 } else { n as f64 / n_left.max(1) as f64 };
                 Cell { shade: share, text: if n == 0 { String::new() } else { n.to_string() } }
             };
@@ -85,8 +92,8 @@ pub fn transitions(name: &str, title: &str, sequences: &[Sequence]) -> Figure {
             row_title: "kind",
             column_title: "kind of the next frame, frames",
             cells: cells.collect(),
-            rows: names.clone(),
-            columns: names,
+            rows: rows_of_kinds(register),
+            columns: columns_of_kinds(register),
         };
         matrix.draw()
     });
@@ -101,29 +108,19 @@ pub fn transitions(name: &str, title: &str, sequences: &[Sequence]) -> Figure {
 /// The length of every stretch of one kind, a row for each kind and a panel for each trip.
 ///
 /// * `name`, `title` — of the figure; its files have the name
-pub fn run_lengths(name: &str, title: &str, trips: &[TripKinds]) -> Figure {
+pub fn run_lengths(name: &str, title: &str, register: &Register, trips: &[TripKinds]) -> Figure {
     let mut csv = Csv::new(&["trip", "kind", "first_frame", "n_frames", "seconds"]);
-    let n_kinds = trips.iter().flat_map(|trip| trip.kinds).max().map_or(1, |kind| kind + 1);
     let panel = |trip: &TripKinds| {
         let lengths = runs(trip.kinds).map(|(frames, kind)| {
             let seconds = trip.turn_s(frames.end) - trip.turn_s(frames.start);
-            csv.line(&[&trip.title, &kind, &frames.start, &frames.len(), &seconds]);
+            csv.line(&[&trip.title, &register.number(kind), &frames.start, &frames.len(), &seconds]);
             (kind, seconds)
         });
         let lengths: Vec<(usize, f64)> = lengths.collect();
         let (_, high) = range(lengths.iter().map(|(_, seconds)| *seconds));
-        let mut chart = Chart::new(
-            (WIDTH_MAX, ROW_PX * n_kinds as f64 + MARGINS_PX.1),
-            trip.title,
-            Axis {
-                title: "length",
-                unit: "s",
-                range: (0.0, high),
-                step_min: 0.0,
-                px_per_tick: X_PX_PER_TICK,
-            },
-            Axis::of_kinds(n_kinds, ROW_PX),
-        );
+        let range = (0.0, high);
+        let x = Axis { title: "length", unit: "s", range, step_min: 0.0, px_per_tick: X_PX_PER_TICK };
+        let mut chart = Chart::of_kinds(trip.title, register, ROW_PX, x);
         for (kind, seconds) in lengths {
             let class = KindStyle::of(kind).colour_class();
             let (x, y) = chart.at((seconds, kind as f64));
@@ -133,5 +130,5 @@ pub fn run_lengths(name: &str, title: &str, trips: &[TripKinds]) -> Figure {
     };
     let panels: Vec<Drawing> = trips.iter().map(panel).collect();
     let caption = "A circle for each stretch of frames of one kind, in the row of its kind, as far to the right as it lasted.".to_string();
-    Figure::new(name, title, caption, None, panels, csv)
+    Figure::new(name, title, caption, legend_of_names(register), panels, csv)
 }

@@ -1,5 +1,6 @@
 //! Reports of small made-up data, read back as a person's browser reads them: the page, and what all figures have in common.
 
+mod called;
 mod figures;
 mod pages;
 mod topology;
@@ -7,7 +8,7 @@ mod topology;
 use std::collections::BTreeMap;
 
 use kinds_model::mixture::most_probable;
-use kinds_model::{FitPlan, Model, Origin, ResponsePlan, Scale, SensorLayout, fit};
+use kinds_model::{FitPlan, Model, Origin, Register, ResponsePlan, Scale, SensorLayout, fit};
 use kinds_trips::{Command, Pose};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -88,11 +89,11 @@ const TRIP: TripKinds = TripKinds {
 };
 
 fn path() -> Figure {
-    kinds_on_path("path", "Kinds on the <path>", 2, &[TRIP])
+    kinds_on_path("path", "Kinds on the <path>", &Register::new(2), &[TRIP])
 }
 
 fn along_time() -> Figure {
-    kinds_along_time("time", "Kinds along time", 2, &[TRIP])
+    kinds_along_time("time", "Kinds along time", &Register::new(2), &[TRIP])
 }
 
 fn scores() -> Scores {
@@ -115,7 +116,7 @@ fn scores() -> Scores {
     };
     let methods = Methods {
         isomap: score(8, 0.8, 0.2),
-        pca: score(8, 0.6, 0.2),
+        pca: Some(score(8, 0.6, 0.2)),
         native: None,
         random: score(0, 0.2, 0.25),
     };
@@ -135,7 +136,7 @@ fn all_surfaces() -> Methods<Surface> {
     };
     Methods {
         isomap: surface([Some(1.0), Some(0.5), Some(0.1)]),
-        pca: surface([Some(0.9), None, Some(0.0)]),
+        pca: Some(surface([Some(0.9), None, Some(0.0)])),
         native: None,
         random: surface([None; 3]),
     }
@@ -162,7 +163,7 @@ fn told() -> Figure {
 }
 
 fn commands_figure(trip: &TripKinds) -> Figure {
-    commands("commands", "Commands <in> each kind", &[*trip], &Policy::of(&[*trip], 2, 0))
+    commands("commands", "Commands <in> each kind", &Register::new(2), &[*trip], &Policy::of(&[*trip], 2, 0))
 }
 
 fn named() -> SegmentationAgreement {
@@ -180,7 +181,7 @@ fn directed() -> DirectedScores {
         never_revisited: 0.1,
         block_m: 2.5,
         n_blocks: 12,
-        kappa_lead: KappaLead { isomap_over_pca: 0.25, confidence: Some([-0.04, 0.5]) },
+        kappa_lead: Some(KappaLead { isomap_over_pca: 0.25, confidence: Some([-0.04, 0.5]) }),
         kinds_met: vec![vec![7, 1], vec![0, 0]],
         surfaces: all_surfaces(),
     }
@@ -192,7 +193,7 @@ fn evaluation() -> Evaluation {
         trips: ["first".to_string(), "second".to_string()],
         forward: directed(),
         backward: DirectedScores {
-            kappa_lead: KappaLead { isomap_over_pca: 0.25, confidence: Some([0.1, 0.5]) },
+            kappa_lead: Some(KappaLead { isomap_over_pca: 0.25, confidence: Some([0.1, 0.5]) }),
             ..directed()
         },
         registration: registration_scores(),
@@ -203,6 +204,7 @@ fn evaluation() -> Evaluation {
         grid: grid(),
         pairs: vec![pair(0), pair(1)],
         not_compared: vec!["third has no poses".to_string()],
+        remarks: Vec::new(),
         trips: Vec::new(),
     }
 }
@@ -219,12 +221,18 @@ fn figures() -> Vec<Figure> {
         consistency("consistency", "Consistency by method", &scores()),
         surfaces(),
         registration(),
-        kinds_met("kinds-met", "Which for which", ["a", "b & c"], &[vec![7, 1], vec![0, 0]]),
+        kinds_met(
+            "kinds-met",
+            "Which for which",
+            &Register::new(2),
+            ["a", "b & c"],
+            &[vec![7, 1], vec![0, 0]],
+        ),
         topology::figure(),
-        transitions("transitions", "What <follows> what", &[Sequence::of(&TRIP, 2)]),
-        run_lengths("run-lengths", "How long", &[TRIP]),
+        transitions("transitions", "What <follows> what", &Register::new(2), &[Sequence::of(&TRIP, 2)]),
+        run_lengths("run-lengths", "How long", &Register::new(2), &[TRIP]),
         told(),
-        names_and_kinds("segmentation", "Names & kinds", &named()),
+        names_and_kinds("segmentation", "Names & kinds", &Register::new(2), &named()),
     ];
     let plain = plain.into_iter().chain(kinds_merged(&ring));
     plain.chain(kinds_tried::tests::figure()).chain(neighbors_tried::tests::figure()).collect()
@@ -366,7 +374,7 @@ fn methods_are_written_with_kappa_and_random_kinds_without_dimensions() {
 #[test]
 fn native_space_stands_beside_the_methods_that_it_is_compared_with() {
     let plain = scores();
-    let native = MethodScores { n_dims: 16, ..plain.methods.pca };
+    let native = MethodScores { n_dims: 16, ..plain.methods.isomap };
     let with_native = Scores { methods: Methods { native: Some(native), ..plain.methods }, ..plain };
     let figure = consistency("consistency", "Consistency", &with_native);
     let rows: Vec<Vec<&str>> = lines(figure.csv());

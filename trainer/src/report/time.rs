@@ -2,11 +2,13 @@
 
 use std::fmt::Write;
 
+use kinds_model::Register;
+
 use super::axis::range;
-use super::chart::{Axis, Chart, MARGINS_PX, X_PX_PER_TICK};
-use super::drawing::{Drawing, WIDTH_MAX};
+use super::chart::{Axis, Chart, X_PX_PER_TICK};
+use super::drawing::Drawing;
 use super::figure::Figure;
-use super::kind_style::{KindStyle, runs};
+use super::kind_style::{KindStyle, legend_of_names, runs};
 use super::markup::{Csv, px};
 use crate::trip_kinds::TripKinds;
 
@@ -15,18 +17,18 @@ const ROW_PX: f64 = 17.0;
 /// Kinds along time: a row for each kind, time from left to right.
 ///
 /// * `name`, `title` — of the figure; its files have the name
-pub fn kinds_along_time(name: &str, title: &str, n_kinds: usize, trips: &[TripKinds]) -> Figure {
-    let panels = trips.iter().map(|trip| strip(trip, n_kinds)).collect();
+pub fn kinds_along_time(name: &str, title: &str, register: &Register, trips: &[TripKinds]) -> Figure {
+    let panels = trips.iter().map(|trip| strip(trip, register)).collect();
     let mut csv = Csv::new(&["trip", "frame", "time_s", "kind"]);
     let mut sentences = Vec::new();
     for trip in trips {
         for (frame, (time_s, kind)) in trip.seconds.iter().zip(trip.kinds).enumerate() {
-            csv.line(&[&trip.title, &frame, time_s, kind]);
+            csv.line(&[&trip.title, &frame, time_s, &register.number(*kind)]);
         }
         sentences.push(sentence(trip));
     }
     let caption = format!("When the robot saw which kind: a row for each kind. {}.", sentences.join("; "));
-    Figure::new(name, title, caption, None, panels, csv)
+    Figure::new(name, title, caption, legend_of_names(register), panels, csv)
 }
 
 fn sentence(trip: &TripKinds) -> String {
@@ -36,17 +38,14 @@ fn sentence(trip: &TripKinds) -> String {
     format!("{}: the kind changed {often} in {length_s:.0}\u{a0}s", trip.title)
 }
 
-fn strip(trip: &TripKinds, n_kinds: usize) -> Drawing {
+fn strip(trip: &TripKinds, register: &Register) -> Drawing {
     assert_eq!(trip.seconds.len(), trip.kinds.len(), "one kind for each frame");
     let end_s = trip.end_s();
     let (low, high) = range(trip.seconds.iter().copied().chain([end_s]));
-    let mut chart = Chart::new(
-        (WIDTH_MAX, ROW_PX * n_kinds as f64 + MARGINS_PX.1),
-        trip.title,
-        Axis { title: "time", unit: "s", range: (low, high), step_min: 0.0, px_per_tick: X_PX_PER_TICK },
-        Axis::of_kinds(n_kinds, ROW_PX),
-    );
-    for kind in 0..n_kinds {
+    let range = (low, high);
+    let x = Axis { title: "time", unit: "s", range, step_min: 0.0, px_per_tick: X_PX_PER_TICK };
+    let mut chart = Chart::of_kinds(trip.title, register, ROW_PX, x);
+    for kind in 0..register.kinds().len() {
         let mut path = String::new();
         for (frames, _) in runs(trip.kinds).filter(|(_, of)| *of == kind) {
             let until_s = trip.seconds.get(frames.end).copied().unwrap_or(end_s);

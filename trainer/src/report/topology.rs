@@ -2,6 +2,8 @@
 
 use std::fmt::Display;
 
+use kinds_model::Register;
+
 use super::chart::Chart;
 use super::drawing::Drawing;
 use super::figure::Figure;
@@ -15,11 +17,11 @@ use crate::trip_kinds::TripKinds;
 /// A topological map over the path of the trips that it was made from: regions as numbered circles, edges as arrows.
 ///
 /// * `name`, `title` — of the figure; its files have the name
-/// * `n_kinds` — of the model, so that every figure has the same legend
+/// * `register` — of the model, so that every figure has the same legend
 pub fn topological_map(
     name: &str,
     title: &str,
-    n_kinds: usize,
+    register: &Register,
     map: &TopologicalMap,
     trips: &[TripKinds],
 ) -> Figure {
@@ -38,14 +40,14 @@ pub fn topological_map(
         [trip] => drawn(trip.title, map, trips),
         _ => drawn(&format!("{} trips", trips.len()), map, trips),
     };
-    Figure::new(name, title, caption, Some(legend(&names(n_kinds))), vec![panel], csv(map))
+    Figure::new(name, title, caption, Some(legend(&names(register))), vec![panel], csv(map, register))
 }
 
 /// The regions of a map, in words.
-pub fn region_table(map: &TopologicalMap) -> Table {
+pub fn region_table(map: &TopologicalMap, register: &Register) -> Table {
     let mut table = Table::new(vec![
         Column::number("region"),
-        Column::number("kind"),
+        Column::text("kind"),
         Column::number("place x, y"),
         Column::number("extent"),
         Column::number("dwell time"),
@@ -58,7 +60,7 @@ pub fn region_table(map: &TopologicalMap) -> Table {
         let next: Vec<String> = edges.map(|edge| format!("{} ({})", edge.to, edge.n_visits)).collect();
         table.row(vec![
             index.to_string(),
-            region.kind.to_string(),
+            register.label(region.kind),
             format!("{}, {}\u{a0}m", metres(region.x_m), metres(region.y_m)),
             format!("{width_m:.1} × {height_m:.1}\u{a0}m"),
             format!("{:.1}\u{a0}s", region.dwell_s),
@@ -76,7 +78,7 @@ fn metres(value: f64) -> String {
 }
 
 /// A line for each region, whose `to_region` is empty, then one for each edge, whose kind and place are.
-fn csv(map: &TopologicalMap) -> Csv {
+fn csv(map: &TopologicalMap, register: &Register) -> Csv {
     let of_edges = &attributes::EDGE[1..];
     let names = attributes::REGION.iter().chain(of_edges).map(|(name, _)| *name);
     let titles: Vec<&str> = ["region", "to_region"].into_iter().chain(names).collect();
@@ -92,7 +94,7 @@ fn csv(map: &TopologicalMap) -> Csv {
         attributes.iter().position(|(name, _)| *name == title).map(|index| values[index].clone())
     };
     for (index, region) in map.regions.iter().enumerate() {
-        let values = attributes::of_region(region);
+        let values = attributes::of_region(region, register);
         line(index, None, &|title| named(&attributes::REGION, &values, title));
     }
     for edge in &map.edges {

@@ -3,6 +3,7 @@
 use kinds_model::{Model, ResponsePlan, SensorLayout};
 
 use super::canonical::{Unit, View, Views};
+use super::chart::fitted;
 use super::drawing::Drawing;
 use super::figure::Figure;
 use super::markup::{Csv, percent};
@@ -50,17 +51,13 @@ fn scale_in_words(unit: &Unit, plan: &ResponsePlan) -> String {
     }
 }
 
-/// `kind 3 · 24 %`
-fn heading(kind: usize, view: &View) -> String {
-    format!("kind {kind} · {}", percent(view.share))
-}
-
-/// An empty panel with its heading.
-pub(super) fn panel(size_px: (f64, f64), kind: usize, view: &View) -> Drawing {
-    let heading = heading(kind, view);
-    let mut drawing =
-        Drawing::new(size_px.0, size_px.1, &format!("{heading}: mean, difference, spread and medoid"));
-    drawing.text((0.0, 13.0), "name", &heading);
+/// An empty panel with its heading, which leaves room for a few words beside it: `kind 3 (doorway) · 24 %`.
+pub(super) fn panel((width, height): (f64, f64), view: &View) -> Drawing {
+    const NAME_PX: f64 = 220.0;
+    let heading = |name: &str| format!("{name} · {}", percent(view.share));
+    let says = format!("{}: mean, difference, spread and medoid", heading(&view.name));
+    let mut drawing = Drawing::new(width, height, &says);
+    drawing.text((0.0, 13.0), "name", &heading(&fitted(&view.name, NAME_PX)));
     drawing
 }
 
@@ -77,11 +74,11 @@ fn table(unit: &str, layout: SensorLayout, views: &Views) -> Csv {
     let columns = layout.columns as usize;
     // A tenth of a millimetre is less than any sensor's count; full digits would make megabytes of a camera's table.
     let cell = |value: f64| format!("{value:.4}");
-    for (kind, view) in views.of_kinds.iter().enumerate() {
+    for view in &views.of_kinds {
         for reading in 0..layout.n_readings() {
             let (low, high) = view.around[reading];
             csv.line(&[
-                &kind,
+                &view.number,
                 &(reading / columns),
                 &(reading % columns),
                 &cell(view.mean[reading]),

@@ -1,5 +1,7 @@
 //! The numbers of regions and edges, by the names that they have in files and tables.
 
+use kinds_model::Register;
+
 use super::{Edge, Region};
 
 /// A number that a region or an edge has: its name, and its type in GraphML.
@@ -27,10 +29,10 @@ pub(crate) const EDGE: [Attribute; 4] = [
     ("mean_turn_rad_s", "double"),
 ];
 
-pub(crate) fn of_region(region: &Region) -> [String; REGION.len()] {
+pub(crate) fn of_region(region: &Region, register: &Register) -> [String; REGION.len()] {
     let Region { kind, x_m, y_m, extent, dwell_s, n_visits, n_frames } = region;
     [
-        kind.to_string(),
+        register.number(*kind).to_string(),
         x_m.to_string(),
         y_m.to_string(),
         extent.x_m_min.to_string(),

@@ -4,6 +4,8 @@
 
 use std::fmt::Write;
 
+use kinds_model::Register;
+
 use super::attributes::{Attribute, EDGE, REGION, of_edge, of_region};
 use super::{Edge, Region, TopologicalMap};
 use crate::report::escaped;
@@ -12,7 +14,8 @@ impl TopologicalMap {
     /// The map as GraphML, for instance for `networkx.read_graphml`: typed numbers whose names end in their units.
     ///
     /// * `title` — of the graph, any text
-    pub fn to_graphml(&self, title: &str) -> String {
+    /// * `register` — by which kinds have their numbers
+    pub fn to_graphml(&self, title: &str, register: &Register) -> String {
         let key = |of: &str, (name, kind): &Attribute| {
             format!("  <key id=\"{of}_{name}\" for=\"{of}\" attr.name=\"{name}\" attr.type=\"{kind}\"/>\n")
         };
@@ -33,7 +36,7 @@ impl TopologicalMap {
             data("graph", &graph, &plan)
         );
         for (index, region) in self.regions.iter().enumerate() {
-            let data = data("node", &REGION, &of_region(region));
+            let data = data("node", &REGION, &of_region(region, register));
             writeln!(text, "    <node id=\"{index}\">{data}</node>")
                 .expect("a string takes all that is written");
         }
@@ -50,14 +53,17 @@ impl TopologicalMap {
     /// with the number of visits.
     ///
     /// * `title` — of the graph, any text
-    pub fn to_dot(&self, title: &str) -> String {
-        let title = title.replace('\\', "\\\\").replace('"', "\\\"");
+    /// * `register` — by which kinds have their numbers and names
+    pub fn to_dot(&self, title: &str, register: &Register) -> String {
+        let quoted = |text: &str| text.replace('\\', "\\\\").replace('"', "\\\"");
+        let title = quoted(title);
         let mut text = format!("digraph \"{title}\" {{\n  node [shape=circle];\n");
         for (index, region) in self.regions.iter().enumerate() {
             let Region { kind, x_m, y_m, .. } = region;
             // An inch, 72 points, for a metre.
             let (x_pt, y_pt) = (72.0 * x_m, 72.0 * y_m);
-            let rest = attributes(&REGION, &of_region(region));
+            let kind = quoted(&register.label(*kind));
+            let rest = attributes(&REGION, &of_region(region, register));
             writeln!(text, "  {index} [label=\"{index}\\nkind {kind}\", pos=\"{x_pt:.1},{y_pt:.1}\"{rest}];")
                 .expect("a string takes all that is written");
         }

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 
+use kinds_model::Register;
 use kinds_trips::Command;
 use proptest::prelude::*;
 use rand::RngExt;
@@ -301,7 +302,7 @@ fn trips_without_places_of_one_frame_or_of_one_kind_have_maps_too() {
 fn graphml_reads_back_as_what_was_written_with_types_and_units() {
     let map = map(&there_and_back(), 1.0, 0.6);
     let title = "trips <1> & \"2\" > 'it'";
-    let text = map.to_graphml(title);
+    let text = map.to_graphml(title, &Register::new(2));
     let document = Document::parse(&text).unwrap();
     let keys: BTreeMap<&str, (&str, &str, &str)> = with_tag(&document, "key")
         .map(|key| {
@@ -359,13 +360,17 @@ fn with_tag<'a>(document: &'a Document, tag: &'static str) -> impl Iterator<Item
 fn commands_that_nobody_knows_are_in_no_file() {
     let [_, there] = there_and_back();
     let map = map(&[there], 1.0, 0.6);
-    assert_eq!(map.to_graphml("trip").matches("edge_mean_forward_m_s").count(), 1, "the key alone");
-    assert!(!map.to_dot("trip").contains("forward"));
+    assert_eq!(
+        map.to_graphml("trip", &Register::new(2)).matches("edge_mean_forward_m_s").count(),
+        1,
+        "the key alone"
+    );
+    assert!(!map.to_dot("trip", &Register::new(2)).contains("forward"));
 }
 
 #[test]
 fn dot_has_labels_and_places_and_a_title_of_any_letters() {
-    let dot = map(&there_and_back(), 1.0, 0.6).to_dot("a \"b\" \\");
+    let dot = map(&there_and_back(), 1.0, 0.6).to_dot("a \"b\" \\", &Register::new(2));
     assert_eq!(
         dot,
         "digraph \"a \\\"b\\\" \\\\\" {\n  node [shape=circle];\n  \

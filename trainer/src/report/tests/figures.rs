@@ -52,7 +52,7 @@ fn a_metre_is_as_long_across_as_up_whatever_the_trip() {
         let corners = [at(0.0, 0.0), at(x_m, 0.0), at(x_m, y_m)];
         let trip =
             TripKinds { title: "trip", seconds: &[], poses: &corners, commands: &[], kinds: &[0, 0, 0] };
-        let svg = kinds_on_path("path", "Path", 1, &[trip]).to_svg();
+        let svg = kinds_on_path("path", "Path", &Register::new(1), &[trip]).to_svg();
         let document = parse(&svg);
         // The first is the legend's.
         let path =
@@ -79,7 +79,7 @@ fn a_long_trip_stays_a_light_file() {
         .collect();
     let kinds: Vec<usize> = (0..2200).map(|index| index / 7 % 20).collect();
     let trip = TripKinds { title: "trip", seconds: &[], poses: &poses, commands: &[], kinds: &kinds };
-    let n_bytes = kinds_on_path("path", "Path", 20, &[trip]).to_svg().len();
+    let n_bytes = kinds_on_path("path", "Path", &Register::new(20), &[trip]).to_svg().len();
     // Two numbers of up to six characters and two more for each frame, and 100 for each of 315 stretches and the rest.
     assert!(n_bytes < 2200 * 14 + 100 * (315 + 100), "{n_bytes} bytes");
 }
@@ -145,7 +145,8 @@ fn tables_of_numbers_have_a_line_for_each_number_drawn() {
          the whole trip,0.1,0.5,-0.2,-0.30000000000000004,-0.1\nthe whole trip,0.2,0.5,0.1,0,0.2\n"
     );
     assert_eq!(
-        kinds_met("kinds-met", "Which for which", ["a", "b"], &[vec![7, 1], vec![0, 0]]).csv(),
+        kinds_met("kinds-met", "Which for which", &Register::new(2), ["a", "b"], &[vec![7, 1], vec![0, 0]])
+            .csv(),
         "kind,kind_met,n_frames\n0,0,7\n0,1,1\n1,0,0\n1,1,0\n"
     );
 }

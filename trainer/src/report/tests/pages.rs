@@ -7,8 +7,8 @@ fn the_page_of_a_training_and_its_evaluation_has_every_section_and_figure_once()
     let (model, remarks) = (ring(), ["2 frames without any valid reading were left out".to_string()]);
     let mut page = Page::new("Kinds");
     add_model(&mut page, &model, Some(&camera()), &remarks);
-    add_trips(&mut page, 3, &[TRIP]);
-    add_evaluation(&mut page, &evaluation());
+    add_trips(&mut page, model.register(), &[TRIP]);
+    add_evaluation(&mut page, model.register(), &evaluation());
     let html = page.to_html();
     let document = parse(&html);
     let all = |tag: &str| -> Vec<String> {
@@ -91,6 +91,20 @@ fn the_page_of_a_training_and_its_evaluation_has_every_section_and_figure_once()
         ("made by", format!("{}, seed 1", model.manifest().provenance.made_by)),
     ];
     assert_eq!(facts, expected.map(|(name, value)| (name.to_string(), value)));
+}
+
+#[test]
+fn a_method_that_kinds_are_not_compared_with_is_missed_in_words() {
+    let mut evaluation = evaluation();
+    evaluation.pairs.truncate(1);
+    let DirectedScores { scores, kappa_lead, surfaces, .. } = &mut evaluation.pairs[0].forward;
+    (scores.methods.pca, surfaces.pca, *kappa_lead) = (None, None, None);
+    evaluation.remarks = vec!["kinds are not compared with those of <principal components>".to_string()];
+    let mut page = Page::new("Kinds");
+    add_evaluation(&mut page, &Register::new(2), &evaluation);
+    let html = page.to_html();
+    assert!(html.contains("<li>kinds are not compared with those of &lt;principal components&gt;</li>"));
+    assert!(html.contains("<td>Isomap</td>") && !html.contains("PCA") && !html.contains("κ of Isomap less"));
 }
 
 #[test]
@@ -198,7 +212,7 @@ fn methods_stand_side_by_side_with_their_sizes_and_how_alike_their_kinds_are() {
 #[test]
 fn trips_without_poses_have_a_sentence_instead_of_a_map() {
     let mut page = Page::new("Kinds");
-    add_trips(&mut page, 2, &[TripKinds { poses: &[None; 5], ..TRIP }]);
+    add_trips(&mut page, &Register::new(2), &[TripKinds { poses: &[None; 5], ..TRIP }]);
     let names: Vec<String> = page.files().into_iter().map(|file| file.name).collect();
     assert_eq!(names, ["report.html", "time.svg", "time.csv"]);
     assert!(
@@ -220,8 +234,8 @@ fn what_kinds_are_good_for_is_said_in_words_where_there_is_nothing_to_draw() {
     let trips = [ClassifiedTrip { space: 0, track, kinds: nowhere.kinds.to_vec(), drift: None }];
     let uses = Uses::of(&trips, 2, &MapPlan { size_m_min: 1.0, radius_m: 0.3 }, 0);
     let mut page = Page::new("Kinds");
-    add_uses(&mut page, 2, &trips, &uses);
-    add_segmentation(&mut page, &named());
+    add_uses(&mut page, &Register::new(2), &trips, &uses);
+    add_segmentation(&mut page, &Register::new(2), &named());
     let html = page.to_html();
     for words in [
         "there is no map without nav_msgs/msg/Odometry",
@@ -244,7 +258,7 @@ fn a_list_of_disagreements_ends_where_nobody_reads_on_and_says_how_many_there_ar
     let text = "[(from_s: 0, to_s: 100, name: \"hall\")]";
     let agreement = Segmentation::parse(text, SegmentFormat::Ron, &[trip]).unwrap().compare(&[trip], 2);
     let mut page = Page::new("Kinds");
-    add_segmentation(&mut page, &agreement);
+    add_segmentation(&mut page, &Register::new(2), &agreement);
     let html = page.to_html();
     assert_eq!(html.matches("<td>hall</td>").count(), 20);
     assert!(html.contains("And 5 shorter stretches.") && html.contains("<p>Nowhere.</p>"), "{html}");

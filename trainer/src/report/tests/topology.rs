@@ -21,7 +21,7 @@ fn map() -> TopologicalMap {
 }
 
 pub(super) fn figure() -> Figure {
-    topological_map("map", "Topological <map>", 2, &map(), &[trip().with_kinds(&KINDS)])
+    topological_map("map", "Topological <map>", &Register::new(2), &map(), &[trip().with_kinds(&KINDS)])
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn the_table_of_numbers_has_regions_and_then_edges() {
 #[test]
 fn regions_are_told_with_what_they_lead_to() {
     let mut page = Page::new("Kinds");
-    page.table(&region_table(&map()));
+    page.table(&region_table(&map(), &Register::new(2)));
     let html = page.to_html();
     let document = parse(&html);
     let row = |row: Node| -> String {
@@ -108,7 +108,7 @@ fn circles_of_regions_that_are_close_together_are_moved_until_all_can_be_read() 
     let trip = TripKinds { title: "trip", seconds: &seconds, poses: &poses, commands: &[], kinds: &kinds };
     let map = TopologicalMap::of(&[trip], &MapPlan { size_m_min: 0.1, radius_m: 0.05 });
     assert_eq!(map.regions.len(), 7);
-    let svg = topological_map("map", "Map", 7, &map, &[trip]).to_svg();
+    let svg = topological_map("map", "Map", &Register::new(7), &map, &[trip]).to_svg();
     let document = parse(&svg);
     let circles: Vec<[f64; 3]> = document
         .descendants()
