@@ -44,7 +44,7 @@ pub struct StageLatencies {
 /// How far the frames of the last ten minutes are from those that the model was learnt from. Begins anew with a model.
 ///
 /// What is not known yet is not a number.
-#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[repr(C)]
 #[type_name("natural_kinds::Drift")]
 pub struct Drift {
@@ -63,6 +63,26 @@ pub struct Drift {
     pub half_split: f64,
     /// The same of frames like those that the model was learnt from.
     pub half_split_usual: f64,
+}
+
+/// What neither knows is equal, too.
+impl PartialEq for Drift {
+    fn eq(&self, other: &Self) -> bool {
+        let numbers = |drift: &Self| {
+            let Self {
+                novel,
+                novel_usual,
+                total_variation,
+                total_variation_usual,
+                half_split,
+                half_split_usual,
+                ..
+            } = *drift;
+            [novel, novel_usual, total_variation, total_variation_usual, half_split, half_split_usual]
+        };
+        let is_equal = |(a, b): (f64, f64)| a == b || a.is_nan() && b.is_nan();
+        self.n_frames == other.n_frames && numbers(self).into_iter().zip(numbers(other)).all(is_equal)
+    }
 }
 
 /// Nothing is known.
