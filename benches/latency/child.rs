@@ -10,7 +10,7 @@ use kinds_messages::{Domain, KindReport, Node, Waiting};
 use kinds_model::{
     Classification, Classifier, Command, Filter, MedianFilter, ModelId, SensorLayout, Status, file,
 };
-use kinds_service::{Classify, Service};
+use kinds_service::{Classify, DriftWindow, Service};
 
 pub(crate) const REPORT_BYTES: usize = size_of::<KindReport>();
 const FRAME_READINGS_MAX: usize = 19840;
@@ -69,6 +69,14 @@ impl Classify for Nothing {
 
     fn filter(&self) -> Filter {
         Filter::new(0.0, &self.classification.probabilities)
+    }
+
+    fn drift(&self) -> DriftWindow {
+        DriftWindow::new(&self.classification.probabilities, 0.01, None)
+    }
+
+    fn half_split_error(&mut self) -> Option<f64> {
+        None
     }
 
     fn classify(&mut self, _: &[u16], _: Option<Command>) -> &Classification {

@@ -1,4 +1,4 @@
-//! What a service says about itself once a second: layout version 1, the same for every language.
+//! What a service says about itself once a second: layout version 2, the same for every language.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -39,6 +39,65 @@ pub struct StageLatencies {
     pub received_to_reported: Latency,
     /// Both together.
     pub sent_to_reported: Latency,
+}
+
+/// How far the frames of the last ten minutes are from those that the model was learnt from. Begins anew with a model.
+///
+/// What is not known yet is not a number.
+#[derive(Clone, Copy, Debug, ZeroCopySend)]
+#[repr(C)]
+#[type_name("natural_kinds::Drift")]
+pub struct Drift {
+    /// Frames classified in that time.
+    pub n_frames: u64,
+    /// Share of them that are novel. Known from the hundredth on.
+    pub novel: f64,
+    /// The same of frames like those that the model was learnt from.
+    pub novel_usual: f64,
+    /// Total variation between the kinds' shares of them and in training. Known when the kind has changed often enough.
+    pub total_variation: f64,
+    /// What chance makes of that, as often as the kind has changed.
+    pub total_variation_usual: f64,
+    /// How far apart halves of its nearest reference frames place a frame, as a share of the radius of all trained places: the median of
+    /// one frame a second. Known as total variation is, where the model has a graph.
+    pub half_split: f64,
+    /// The same of frames like those that the model was learnt from.
+    pub half_split_usual: f64,
+}
+
+/// What neither knows is equal, too.
+impl PartialEq for Drift {
+    fn eq(&self, other: &Self) -> bool {
+        let numbers = |drift: &Self| {
+            let Self {
+                novel,
+                novel_usual,
+                total_variation,
+                total_variation_usual,
+                half_split,
+                half_split_usual,
+                ..
+            } = *drift;
+            [novel, novel_usual, total_variation, total_variation_usual, half_split, half_split_usual]
+        };
+        let is_equal = |(a, b): (f64, f64)| a == b || a.is_nan() && b.is_nan();
+        self.n_frames == other.n_frames && numbers(self).into_iter().zip(numbers(other)).all(is_equal)
+    }
+}
+
+/// Nothing is known.
+impl Default for Drift {
+    fn default() -> Self {
+        Self {
+            n_frames: 0,
+            novel: f64::NAN,
+            novel_usual: f64::NAN,
+            total_variation: f64::NAN,
+            total_variation_usual: f64::NAN,
+            half_split: f64::NAN,
+            half_split_usual: f64::NAN,
+        }
+    }
 }
 
 /// Counters and latencies of one service since it started, and over the last interval, which is about a second.
@@ -100,6 +159,8 @@ pub struct HealthReport {
     pub last_interval: StageLatencies,
     /// Latencies since the service started.
     pub since_start: StageLatencies,
+    /// Drift over the last ten minutes.
+    pub drift: Drift,
 }
 
 const _: () = {
@@ -132,12 +193,21 @@ const _: () = {
     assert!(offset_of!(HealthReport, last_novelty) == 160);
     assert!(offset_of!(HealthReport, last_interval) == 168);
     assert!(offset_of!(HealthReport, since_start) == 336);
-    assert!(size_of::<HealthReport>() == 504);
+    assert!(offset_of!(HealthReport, drift) == 504);
+    assert!(size_of::<HealthReport>() == 560);
+    assert!(size_of::<Drift>() == 56);
+    assert!(offset_of!(Drift, n_frames) == 0);
+    assert!(offset_of!(Drift, novel) == 8);
+    assert!(offset_of!(Drift, novel_usual) == 16);
+    assert!(offset_of!(Drift, total_variation) == 24);
+    assert!(offset_of!(Drift, total_variation_usual) == 32);
+    assert!(offset_of!(Drift, half_split) == 40);
+    assert!(offset_of!(Drift, half_split_usual) == 48);
 };
 
 impl HealthReport {
     /// Version of this layout. Readers refuse any other.
-    pub const VERSION: u32 = 1;
+    pub const VERSION: u32 = 2;
     /// A driver shim publishes the sensor.
     pub const HAS_SHIM: u32 = 1;
     /// There was a report, and what is said about the last one is so.
@@ -190,6 +260,7 @@ impl Default for HealthReport {
             last_novelty: 0.0,
             last_interval: StageLatencies::default(),
             since_start: StageLatencies::default(),
+            drift: Drift::default(),
         }
     }
 }

@@ -78,7 +78,7 @@ pub use error::ChannelError;
 pub use frame_header::{Command, FrameHeader, Pose};
 pub use frames::{Frame, FrameLoan, FramePublisher, FrameReader};
 pub use health::{HealthPublisher, HealthReader};
-pub use health_report::{HealthReport, Latency, StageLatencies};
+pub use health_report::{Drift, HealthReport, Latency, StageLatencies};
 pub use kind_report::{KindReport, MAX_DIMS, MAX_KINDS, ReportStatus};
 pub use level::Level;
 pub use memory::{

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::command::{Command, with_metric};
 use crate::features::{Extractor, Features};
+use crate::half_split::HalfSplit;
 use crate::mixture::most_probable;
 use crate::model::Model;
 use crate::out_of_sample::Placer;
@@ -52,6 +53,7 @@ pub struct Classifier {
     scratch: Vec<u16>,
     placer: Placer,
     stress: Stress,
+    half_split: HalfSplit,
     extractor: Extractor,
     features: Features,
     classification: Classification,
@@ -66,6 +68,7 @@ impl Classifier {
             scratch: model.comparison.scratch(),
             placer: Placer::new(model.manifold(), model.manifest().n_neighbors),
             stress: model.usual().stress(),
+            half_split: HalfSplit::new(model.manifold()),
             extractor,
             features: extractor.memory(),
             classification: Classification {
@@ -133,6 +136,21 @@ impl Classifier {
         }
         self.classification.kind = most_probable(&self.classification.probabilities);
         &self.classification
+    }
+
+    /// How far apart two halves of its nearest reference frames place the frame that was classified last, as a share of the radius of
+    /// all trained places: see [`crate::half_split`]. None for an invalid frame, and by a model without a graph.
+    ///
+    /// Allocates nothing. O(n_landmarks · (ns + n_dims)).
+    pub fn half_split_error(&mut self) -> Option<f64> {
+        let manifest = self.model.manifest().half_split?;
+        match self.classification.status {
+            Status::Classified => {
+                let apart = self.half_split.error(self.model.manifold(), self.placer.nearest())?;
+                Some(apart / manifest.radius)
+            }
+            Status::Invalid => None,
+        }
     }
 
     fn know_nothing(&mut self) {

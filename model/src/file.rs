@@ -59,7 +59,7 @@ use crate::texture::{N_WAYS, Textures};
 use crate::whitening::Whitening;
 
 /// Version of the format that this crate writes and reads.
-pub const FORMAT: u32 = 4;
+pub const FORMAT: u32 = 5;
 
 const MANIFEST: &str = "manifest";
 const DIGEST: &str = "digest";
@@ -395,6 +395,7 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
         persistence,
         merges,
         novelty,
+        half_split,
         provenance,
         ..
     } = &model.manifest;
@@ -448,6 +449,10 @@ fn check_contents(model: &Model) -> Result<(), ModelFileError> {
             model.novelty.measured().iter().all(|measure| *measure >= 0.0),
             "measures of held-out frames are negative or not numbers",
         ),
+        (
+            half_split.is_none_or(|half_split| half_split.is_sound() && model.geodesics.is_some()),
+            "half-split errors are of no graph, or without a radius",
+        ),
         (finite(model.novelty.textures().all()), "textures of held-out frames are not finite numbers"),
     ];
     match checks.into_iter().find(|(holds, _)| !holds) {
@@ -462,6 +467,7 @@ mod tests {
     use crate::command::{Command, CommandScale, Commands};
     use crate::fit::{fit, fit_with_commands};
     use crate::frames::SensorLayout;
+    use crate::half_split::HalfSplitManifest;
     use crate::metric::MetricPlan;
     use crate::model::Origin;
     use crate::plan::FitPlan;
@@ -526,6 +532,11 @@ mod tests {
         assert_eq!(
             refuse(|manifest| manifest.merges = vec![(1, 0)]),
             "the model's kinds are not merged one by one into all; train anew"
+        );
+        // This one is of straight distances: it has no graph.
+        assert_eq!(
+            refuse(|manifest| manifest.half_split = Some(HalfSplitManifest { radius: 1.0, usual: 0.1 })),
+            "the model's half-split errors are of no graph, or without a radius; train anew"
         );
         let mut other = model();
         let (mut indices, nearest): (Vec<u32>, Vec<u32>) = ((0..30).collect(), (0..30).collect());

@@ -358,7 +358,7 @@ fn fit_source<E: Send>(
         n_neighbors,
     };
     let (row, trips) = (|index| held_out.row(&frames, index), provenance.origin.trips(n_trained));
-    let novelty = with_metric!(&metric, commands.as_ref(), |metric| {
+    let (novelty, half_split) = with_metric!(&metric, commands.as_ref(), |metric| {
         usual.learn(metric, &held_out, row, &trips, provenance.n_frames_effective)
     });
 
@@ -381,6 +381,7 @@ fn fit_source<E: Send>(
             n_tiles: novelty.n_tiles(),
             false_alarm_rate: FALSE_ALARM_RATE,
         },
+        half_split,
         provenance,
     };
     let mut model = Model {

@@ -10,6 +10,7 @@ use crate::command::CommandScale;
 use crate::comparison::Comparison;
 use crate::frames::{Frames, SensorLayout};
 use crate::geodesics::Geodesics;
+use crate::half_split::HalfSplitManifest;
 use crate::hierarchy::{self, Merge};
 use crate::intrinsic_dims::IntrinsicDims;
 use crate::mds::Embedding;
@@ -58,6 +59,8 @@ pub struct Manifest {
     pub merges: Vec<Merge>,
     /// What novelty was learnt from, and what it means.
     pub novelty: NoveltyManifest,
+    /// What half-split errors mean; none without a graph, or with one neighbour.
+    pub half_split: Option<HalfSplitManifest>,
     /// Where it came from, and why it is as it is. Classifying needs none of it.
     pub provenance: Provenance,
 }
@@ -205,6 +208,7 @@ pub struct Origin {
     pub n_frames_invalid: usize,
     /// By what some of these frames were compared to see how long kinds last, the usual first, where the trips were to decide; empty
     /// where it was given.
+    #[serde(default)]
     pub comparisons_tried: Vec<ComparisonTrial>,
 }
 

@@ -29,6 +29,7 @@ use rayon::prelude::*;
 use crate::array::Array;
 use crate::features::Features;
 use crate::form::Form;
+use crate::half_split::{HalfSplit, HalfSplitManifest};
 use crate::learnt::HeldOut;
 use crate::metric::Metric;
 use crate::mixture::Mixture;
@@ -167,7 +168,7 @@ impl Usual<'_> {
         })
     }
 
-    /// Learns what is usual from frames that are held out.
+    /// Learns what is usual from frames that are held out: novelty, and half-split errors.
     ///
     /// * `row` — what such a frame is compared by, by its place among them, shape `(n_columns,)`
     /// * `trips` — trained frames of each trip
@@ -181,27 +182,32 @@ impl Usual<'_> {
         row: impl Fn(usize) -> &'r [u16] + Sync,
         trips: &[usize],
         n_frames_effective: f64,
-    ) -> Novelty {
+    ) -> (Novelty, Option<HalfSplitManifest>) {
         let n_around = (0.5 * self.references.n_trained() as f64 / n_frames_effective).ceil() as usize;
         let stress = self.stress();
         let n_kinds = self.mixture.n_kinds();
         let memory = || {
             let placer = Placer::new(self.manifold, self.n_neighbors);
-            (placer, vec![0.0; self.mixture.n_dims()], vec![0.0; n_kinds])
+            let half_split = HalfSplit::new(self.manifold);
+            (placer, half_split, vec![0.0; self.mixture.n_dims()], vec![0.0; n_kinds])
         };
         let measured = held_out.trained.par_iter().zip(&held_out.distances).enumerate().map_init(
             memory,
-            |(placer, coordinates, probabilities), (index, (&trained, &form))| {
+            |(placer, half_split, coordinates, probabilities), (index, (&trained, &form))| {
                 let hidden = self.around(trained, trips, n_around);
                 let nearest = placer.place_without(metric, self.manifold, row(index), hidden, coordinates);
                 let density = self.mixture.density(coordinates, probabilities);
                 let stress = stress.of(placer.lengths(), coordinates);
-                [density.squared_mahalanobis, nearest.squared_distance as f64, stress, form]
+                let measured = [density.squared_mahalanobis, nearest.squared_distance as f64, stress, form];
+                (measured, half_split.error(self.manifold, placer.nearest()))
             },
         );
-        let measured: Vec<[f64; N_MEASURED]> = measured.collect();
+        let (measured, errors): (Vec<[f64; N_MEASURED]>, Vec<Option<f64>>) = measured.unzip();
+        let errors = errors.into_iter().flatten().collect();
+        let half_split = HalfSplitManifest::learn(self.coordinates, self.mixture.n_dims(), errors);
         let textures = Textures::new(held_out.textures.as_flattened().to_vec().into());
-        Novelty::new(measured.into_flattened().into(), textures, held_out.form.clone())
+        let novelty = Novelty::new(measured.into_flattened().into(), textures, held_out.form.clone());
+        (novelty, half_split)
     }
 
     /// Reference frames of the part of a trip around a trained frame, but so few that neighbours enough are left.

@@ -86,6 +86,11 @@ impl Placer {
         &self.lengths
     }
 
+    /// Reference frames by which the frame placed last was placed, nearest first: ns of them with geodesics, one without.
+    pub(crate) fn nearest(&self) -> &[Neighbor] {
+        self.search.last()
+    }
+
     /// Fills δ (squared shortest lengths to the landmarks, or squared distances; nothing in native space) and finds the nearest
     /// reference frame.
     fn measure(

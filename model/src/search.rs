@@ -88,6 +88,11 @@ impl Search {
         nearest
     }
 
+    /// The last answer.
+    pub(crate) fn last(&self) -> &[Neighbor] {
+        &self.nearest
+    }
+
     /// Frames that were measured for the last answer; none where it measures all.
     pub(crate) fn n_measured(&self) -> Option<usize> {
         self.pruned.as_ref().map(|pruned| pruned.n_measured).filter(|n| *n > 0)

@@ -46,6 +46,7 @@ fn check(what: &str, mut classifier: Classifier, sensor: SensorLayout) {
         let command = Command { forward_m_s: index as f64 / 100.0, turn_rad_s: 0.1 };
         let found = classifier.classify_commanded(frame, Some(command));
         n_classified += usize::from(found.status == Status::Classified);
+        classifier.half_split_error();
     }
     assert_eq!(n_classified, N_FRAMES + 21, "{what}");
     assert_eq!(ALLOCATOR.peak_usage(), before, "{what}");

@@ -484,10 +484,10 @@ fn files_that_are_no_models_are_refused_in_words() {
         "not a model of natural kinds: its metadata has no manifest"
     );
     let text = file::to_bytes(&model(Method::Pca));
-    let other = replace_once(&text, b"format: 4,", b"format: 3,");
+    let other = replace_once(&text, b"format: 5,", b"format: 4,");
     assert_eq!(
         refuse(other),
-        "model file of format 3; this program reads format 4: train anew, or use the program that made it"
+        "model file of format 4; this program reads format 5: train anew, or use the program that made it"
     );
     let damaged = replace_once(&text, b"n_neighbors: 6,", b"n_neighbors: 5,");
     assert!(refuse(damaged).starts_with("the model file is damaged: its contents have digest "));

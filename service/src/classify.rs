@@ -3,6 +3,8 @@
 use kinds_messages::KindReport;
 use kinds_model::{Classification, Classifier, Command, Filter, MedianFilter, ModelId, SensorLayout};
 
+use crate::DriftWindow;
+
 /// Turns frames into kind probabilities: [`Classifier`] on a robot, a stand-in in tests.
 pub trait Classify {
     /// The sensor whose frames are understood.
@@ -25,6 +27,12 @@ pub trait Classify {
 
     /// Takes kinds of frames in their order into account, beginning with none.
     fn filter(&self) -> Filter;
+
+    /// Takes note of how far frames are from those that the model was learnt from, beginning with none.
+    fn drift(&self) -> DriftWindow;
+
+    /// Half-split error of the frame that was classified last, a share of the radius of all trained places.
+    fn half_split_error(&mut self) -> Option<f64>;
 
     /// Classifies one frame of raw counts, `(n_readings,)`. The service only calls it with frames of
     /// [`layout`](Self::layout).
@@ -62,6 +70,19 @@ impl Classify for Classifier {
 
     fn filter(&self) -> Filter {
         self.model().filter()
+    }
+
+    fn drift(&self) -> DriftWindow {
+        let manifest = self.model().manifest();
+        DriftWindow::new(
+            self.model().mixture().weights(),
+            manifest.novelty.false_alarm_rate,
+            manifest.half_split.map(|half_split| half_split.usual),
+        )
+    }
+
+    fn half_split_error(&mut self) -> Option<f64> {
+        Self::half_split_error(self)
     }
 
     fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {

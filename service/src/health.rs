@@ -6,7 +6,7 @@
 use std::time::{Duration, Instant};
 
 use hdrhistogram::Histogram;
-use kinds_messages::{HealthReport, KindReport, Latency, ReportStatus, StageLatencies, monotonic_ns};
+use kinds_messages::{Drift, HealthReport, KindReport, Latency, ReportStatus, StageLatencies, monotonic_ns};
 
 use crate::Summary;
 
@@ -96,6 +96,7 @@ impl Health {
         summary: &Summary,
         model_id: [u8; 16],
         has_shim: bool,
+        drift: Drift,
     ) -> &HealthReport {
         let now = Instant::now();
         let health = &mut self.report;
@@ -106,6 +107,7 @@ impl Health {
         health.flags &= !HealthReport::HAS_SHIM;
         health.flags |= if has_shim { HealthReport::HAS_SHIM } else { 0 };
         health.model_id = model_id;
+        health.drift = drift;
         health.n_frames = summary.n_frames;
         health.n_classified = summary.n_classified;
         health.n_invalid = summary.n_invalid;
@@ -181,7 +183,7 @@ mod tests {
     }
 
     fn end_interval(health: &mut Health) -> HealthReport {
-        *health.end_interval(&Summary::default(), [7; 16], true)
+        *health.end_interval(&Summary::default(), [7; 16], true, Drift::default())
     }
 
     #[test]

@@ -19,6 +19,7 @@
 
 mod classify;
 mod conditions;
+mod drift;
 mod health;
 mod refusal;
 mod reload;
@@ -28,6 +29,7 @@ mod service;
 mod tests;
 
 pub use classify::Classify;
+pub use drift::DriftWindow;
 pub use refusal::Refusal;
 pub use reload::OpenModel;
 pub use service::{Service, Summary};

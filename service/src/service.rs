@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use kinds_messages::{
     ChannelError, FRAME_BUFFER, Frame, FrameHeader, FrameReader, HealthPublisher, HealthReport, KindReport,
-    MAX_DIMS, MAX_KINDS, Node, ReloadDesk, ReportPublisher, SensorName, Waiting, monotonic_ns,
+    MAX_DIMS, MAX_KINDS, Node, ReloadDesk, ReportPublisher, ReportStatus, SensorName, Waiting, monotonic_ns,
 };
 use kinds_model::response::INVALID;
 use kinds_model::{
@@ -16,6 +16,7 @@ use kinds_model::{
 
 use crate::Classify;
 use crate::conditions::Conditions;
+use crate::drift::DriftWindow;
 use crate::health::Health;
 use crate::refusal::{Refusal, Refusals};
 use crate::reload::{OpenModel, Opened, Reloads};
@@ -50,6 +51,7 @@ pub struct Service<C> {
     /// What frames pass before they are classified. Of the run that the last report is on, like the filter.
     median: Option<MedianFilter>,
     filter: Filter,
+    drift: DriftWindow,
     layout: SensorLayout,
     waiting: Waiting,
     sequence: Sequence,
@@ -119,6 +121,7 @@ impl<C: Classify> Service<C> {
             layout: classifier.layout(),
             median: classifier.median(),
             filter: classifier.filter(),
+            drift: classifier.drift(),
             classifier,
             waiting,
             sequence: Sequence::new(shim_is_there),
@@ -201,7 +204,8 @@ impl<C: Classify> Service<C> {
     }
 
     fn tell_health(&mut self) -> Result<(), ChannelError> {
-        let health = self.health.end_interval(&self.summary, self.report.model_id, self.shim_is_there);
+        let drift = self.drift.drift(monotonic_ns());
+        let health = self.health.end_interval(&self.summary, self.report.model_id, self.shim_is_there, drift);
         self.conditions.tell(health);
         if let Some(listener) = &mut self.listener {
             listener(health);
@@ -257,8 +261,23 @@ impl<C: Classify> Service<C> {
         report.received_monotonic_ns = received_monotonic_ns;
         fill(report, classification, &mut self.filter);
         report.reported_monotonic_ns = self.reports.send(report)?;
-        self.health.count(report, self.classifier.is_novel(report.novelty));
+        let is_novel = self.classifier.is_novel(report.novelty);
+        self.health.count(report, is_novel);
+        if report.status() == ReportStatus::Classified {
+            self.count_drift(received_monotonic_ns, is_novel);
+        }
         Ok(())
+    }
+
+    /// Of the frame of the last report, when nobody waits for that any more.
+    fn count_drift(&mut self, now_ns: u64, is_novel: bool) {
+        let Self { drift, report, classifier, .. } = self;
+        drift.count(now_ns, report.probabilities(), report.filtered_kind, is_novel);
+        if drift.is_measured(now_ns)
+            && let Some(error) = classifier.half_split_error()
+        {
+            drift.measure(now_ns, error);
+        }
     }
 
     /// Forgets the frames before.
@@ -281,6 +300,7 @@ impl<C: Classify> Service<C> {
             replaced.take(before);
             self.classifier.introduce(&mut self.report);
             self.median = self.classifier.median();
+            self.drift = self.classifier.drift();
             (self.filter, self.report.n_filtered) = (self.classifier.filter(), 0);
             ids.map(|id| id.to_string())
         });

@@ -13,7 +13,7 @@ use kinds_messages::{
 };
 use kinds_model::{Classification, Command, Filter, MedianFilter, ModelId, SensorLayout, Status};
 
-use crate::{Classify, Service, Summary};
+use crate::{Classify, DriftWindow, Service, Summary};
 
 const LAYOUT: SensorLayout = SensorLayout { rows: 2, columns: 4, metres_per_count: 0.001 };
 const N_READINGS: usize = 8;
@@ -78,6 +78,14 @@ impl Classify for Spy {
 
     fn filter(&self) -> Filter {
         Filter::new(0.5, &[0.5, 0.5])
+    }
+
+    fn drift(&self) -> DriftWindow {
+        DriftWindow::new(&[0.5, 0.5], 0.01, None)
+    }
+
+    fn half_split_error(&mut self) -> Option<f64> {
+        None
     }
 
     fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {

@@ -14,7 +14,7 @@ use kinds_messages::{
     ReportPublisher, ReportReader, ReportStatus, Waiting, WakeUp,
 };
 use kinds_model::{Classification, Classifier, Command, Filter, MedianFilter, ModelId, SensorLayout};
-use kinds_service::{Classify, Service};
+use kinds_service::{Classify, DriftWindow, Service};
 
 use crate::trained::{LOAN_BYTES, N_FRAMES, classifier, trip};
 
@@ -124,6 +124,14 @@ impl Classify for Noting {
 
     fn filter(&self) -> Filter {
         self.classifier.filter()
+    }
+
+    fn drift(&self) -> DriftWindow {
+        self.classifier.drift()
+    }
+
+    fn half_split_error(&mut self) -> Option<f64> {
+        self.classifier.half_split_error()
     }
 
     fn classify(&mut self, counts: &[u16], command: Option<Command>) -> &Classification {

@@ -150,11 +150,16 @@ fn tell_uses(uses: &Uses, register: &Register) -> Result<(), Failure> {
     for (sequence, drift) in uses.sequences.iter().zip(&uses.drift) {
         let Some(drift) = drift else { continue };
         say(format!(
-            "{}: {:.1} % of the frames are novel, where {} % is usual; kinds have other shares than in training for {:.1} % of them",
+            "{}: {:.1} % of the frames are novel, where {} % is usual; kinds have other shares than in training for {:.1} % of them{}",
             sequence.trip,
             100.0 * drift.novel,
             100.0 * drift.novel_usual,
-            100.0 * drift.total_variation
+            100.0 * drift.total_variation,
+            drift.half_split.zip(drift.half_split_usual).map_or(String::new(), |(error, usual)| format!(
+                "; halves of a frame's neighbours place it {:.1} % apart, where {:.1} % is usual",
+                100.0 * error,
+                100.0 * usual
+            ))
         ))?;
     }
     if let Some(map) = &uses.map {

@@ -1,5 +1,6 @@
 //! `kinds top`: how all services of the domain fare, and who is connected; of those on other machines, as far as a bridge tells.
 
+mod drift;
 mod json;
 mod observer;
 mod passed_on;

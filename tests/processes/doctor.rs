@@ -291,7 +291,7 @@ fn too_little_shared_memory_is_told_with_both_numbers() {
     }
     let findings = Findings::said(Running::start(&mut robot.command_of("unshare", &doctor)));
     findings.has(
-        "/dev/shm has 524 kB free, and channels that are not there yet need 10024 kB",
+        "/dev/shm has 524 kB free, and channels that are not there yet need 10025 kB",
         "delete files in /dev/shm, or enlarge it: mount -o remount,size=256m /dev/shm",
     );
 }

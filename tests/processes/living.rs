@@ -216,11 +216,15 @@ fn drift_is_measured_against_training() {
     let number = |value: &Value| value.as_f64().unwrap();
     let mut classifier = Classifier::new(model.clone().into());
     let (mut sums, mut n_novel, frames) = (vec![0.0; 5], 0, read_trip(&robot.path(SECOND)));
+    let mut errors = Vec::new();
     for (_, counts) in &frames {
         let found = classifier.classify(counts);
         sums.iter_mut().zip(&found.probabilities).for_each(|(sum, probability)| *sum += probability);
         n_novel += usize::from(found.novelty >= 0.99);
+        errors.push(classifier.half_split_error().unwrap());
     }
+    errors.sort_by(f64::total_cmp);
+    let (error, usual) = (errors[65], model.manifest().half_split.unwrap().usual);
     let weights = model.mixture().weights();
     let shares: Vec<f64> = sums.iter().map(|sum| sum / 130.0).collect();
     let apart: f64 = shares.iter().zip(weights).map(|(share, weight)| (share - weight).abs()).sum();
@@ -229,13 +233,21 @@ fn drift_is_measured_against_training() {
     assert!((number(&drift[1]["total_variation"]) - apart / 2.0).abs() < 1e-12);
     // Of the trip that it was learnt from, but for the last step of learning.
     assert!(number(&drift[0]["total_variation"]) < 0.01, "{drift}");
+    assert_eq!((number(&drift[1]["half_split"]), number(&drift[1]["half_split_usual"])), (error, usual));
+    // Trained frames have themselves for a neighbour, which no second trip has.
+    assert!(number(&drift[0]["half_split"]) < 0.5 * usual, "{drift}");
     let told = format!(
-        "second: {:.1} % of the frames are novel, where 1 % is usual; kinds have other shares than in training for {:.1} % of them",
+        "second: {:.1} % of the frames are novel, where 1 % is usual; kinds have other shares than in training for {:.1} % of \
+         them; halves of a frame's neighbours place it {:.1} % apart, where {:.1} % is usual",
         100.0 * n_novel as f64 / 130.0,
-        50.0 * apart
+        50.0 * apart,
+        100.0 * error,
+        100.0 * usual
     );
     let text = robot.succeed(&["evaluate", MODEL, FIRST, SECOND, "--report", "report"]);
     assert!(text.lines().any(|line| line == told), "no {told:?} in {text}");
     let page = String::from_utf8(robot.read("report/report.html")).unwrap();
     assert!(page.contains(">kind 3 (doorway)</text>"));
+    let row = format!("<td>second</td><td class=\"number\">{:.1} %</td>", 100.0 * n_novel as f64 / 130.0);
+    assert!(page.contains("Drift since training") && page.contains(&row), "no {row}");
 }

@@ -550,7 +550,7 @@ fn inspect_says_what_is_in_a_model() {
     let model = crate::world::open_model(&robot.path(MODEL));
     let inspection = inspect(&robot, MODEL);
     assert_eq!(inspection["model_id"], model.id().to_string());
-    assert_eq!(inspection["format"], 4);
+    assert_eq!(inspection["format"], 5);
     assert_eq!(inspection["n_frames"], 160);
     assert_eq!((&inspection["n_dims"], &inspection["n_kinds"]), (&8.into(), &5.into()));
     assert_eq!((&inspection["plan"]["n_dims"], &inspection["plan"]["n_kinds"]), (&8.into(), &5.into()));

@@ -336,16 +336,16 @@ fn found_in(model: &Arc<Model>, trip: &LoadedTrip, told: &Told) -> Found {
         told.add(frames.len() as u64);
         let answer = |(counts, command): &(&[u16], &Option<kinds_trips::Command>)| {
             let Classification { status, probabilities, novelty, .. } =
-                classifier.classify_commanded(counts, command.map(of_model));
-            (*status, probabilities.clone(), *novelty)
+                classifier.classify_commanded(counts, command.map(of_model)).clone();
+            (status, probabilities, novelty, classifier.half_split_error())
         };
         frames.iter().map(answer).collect::<Vec<_>>()
     };
     let chunks = frames.par_chunks(N_FRAMES_AT_A_TIME);
     let answers: Vec<Vec<_>> = chunks.map_init(|| Classifier::new(model.clone()), of_chunk).collect();
     let (mut filter, mut counted) = (model.filter(), Counted::default());
-    let kind = |(status, probabilities, novelty): (Status, Vec<f64>, f64)| {
-        counted.add(status, &probabilities, model.manifest().novelty.is_novel(novelty));
+    let kind = |(status, probabilities, novelty, half_split): (Status, Vec<f64>, f64, Option<f64>)| {
+        counted.add(status, &probabilities, model.manifest().novelty.is_novel(novelty), half_split);
         filter.take((status == Status::Classified).then_some(&probabilities[..]), 0);
         filter.kind()
     };

@@ -135,6 +135,23 @@ fn text(sensor: &SensorName, health: &HealthReport) -> String {
     metric(&mut text, "kinds_model_info", "gauge", "The model in use.");
     let model = ModelId(health.model_id);
     line(&mut text, &format!("kinds_model_info{{sensor=\"{sensor}\",model=\"{model}\"}}"), 1.0);
+    let drift = &health.drift;
+    for (name, help, value) in [
+        (
+            "recent_frames",
+            "Frames classified in the last ten minutes, which drift is of.",
+            drift.n_frames as f64,
+        ),
+        ("recent_novel_share", "Share of them that are novel.", drift.novel),
+        ("usual_novel_share", "The same of frames like those learnt from.", drift.novel_usual),
+        ("recent_total_variation", "Of the kinds' shares from those in training.", drift.total_variation),
+        ("usual_total_variation", "What chance makes of that.", drift.total_variation_usual),
+        ("recent_half_split_error", "Median, as a share of the radius of trained places.", drift.half_split),
+        ("usual_half_split_error", "The same of frames like those learnt from.", drift.half_split_usual),
+    ] {
+        metric(&mut text, &format!("kinds_{name}"), "gauge", help);
+        line(&mut text, &format!("kinds_{name}{{sensor=\"{sensor}\"}}"), value);
+    }
     let name = "kinds_latency_seconds";
     metric(
         &mut text,
@@ -186,6 +203,7 @@ mod tests {
         let mut health =
             HealthReport { n_frames: 7, flags: HealthReport::HAS_SHIM, ..HealthReport::default() };
         health.uptime_ns = 1_500_000_000;
+        health.drift.novel = 0.125;
         let latency = Latency { n_frames: 2, sum_ns: 3000, p50_ns: 1000, ..Latency::default() };
         health.last_interval.sent_to_received = latency;
         health.since_start.sent_to_received = Latency { n_frames: 5, sum_ns: 9000, ..latency };
@@ -196,6 +214,8 @@ mod tests {
             "kinds_frames_total{sensor=\"crunch/ring\"} 7",
             "kinds_uptime_seconds{sensor=\"crunch/ring\"} 1.5",
             "kinds_shim_present{sensor=\"crunch/ring\"} 1",
+            "kinds_recent_novel_share{sensor=\"crunch/ring\"} 0.125",
+            "kinds_usual_total_variation{sensor=\"crunch/ring\"} NaN",
             "kinds_latency_seconds{sensor=\"crunch/ring\",stage=\"sent_to_received\",quantile=\"0.5\"} 0.000001",
             "kinds_latency_seconds_sum{sensor=\"crunch/ring\",stage=\"sent_to_received\"} 0.000009",
             "kinds_latency_seconds_count{sensor=\"crunch/ring\",stage=\"sent_to_received\"} 5",
@@ -204,6 +224,6 @@ mod tests {
             assert!(text.lines().any(|found| found == line), "no {line:?} in\n{text}");
         }
         let names: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("# TYPE ")).collect();
-        assert_eq!(names.len(), 16);
+        assert_eq!(names.len(), 23);
     }
 }

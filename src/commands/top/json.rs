@@ -2,10 +2,11 @@
 
 use std::time::Instant;
 
-use kinds_messages::{HealthReport, Latency, Program, StageLatencies};
+use kinds_messages::{Drift, HealthReport, Latency, Program, StageLatencies};
 use kinds_model::ModelId;
 use serde_json::{Value, json};
 
+use crate::commands::top::drift;
 use crate::commands::top::observer::{LastFrame, Observer, Seen, Service};
 use crate::commands::top::passed_on::PassedOn;
 use crate::commands::top::table::name_of;
@@ -77,10 +78,25 @@ fn health_json(health: &HealthReport, names: &KindNames) -> Value {
         "n_reloads": health.n_reloads,
         "n_reloads_refused": health.n_reloads_refused,
         "n_peers_lost": health.n_peers_lost,
+        "drift": drift_json(&health.drift),
         "latency": {
             "last_interval": stages_json(&health.last_interval),
             "since_start": stages_json(&health.since_start),
         },
+    })
+}
+
+/// What is not known yet is null.
+fn drift_json(drift: &Drift) -> Value {
+    json!({
+        "n_frames": drift.n_frames,
+        "novel": drift.novel,
+        "novel_usual": drift.novel_usual,
+        "total_variation": drift.total_variation,
+        "total_variation_usual": drift.total_variation_usual,
+        "half_split": drift.half_split,
+        "half_split_usual": drift.half_split_usual,
+        "is_unusual": drift::sentence(drift).is_some(),
     })
 }
 

@@ -21,7 +21,7 @@ use crate::kind_names::KindNames;
 const WAIT: Duration = Duration::from_millis(200);
 
 /// Rows that all about one sensor takes.
-const DETAILS_HEIGHT: u16 = 16;
+const DETAILS_HEIGHT: u16 = 17;
 
 /// What a key asks for.
 #[derive(Debug, PartialEq, Eq)]

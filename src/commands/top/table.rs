@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use kinds_messages::{HealthReport, Latency, Program, ReportStatus, SensorName};
 use kinds_model::ModelId;
 
+use crate::commands::top::drift;
 use crate::commands::top::observer::{LastFrame, Observer, SILENCE, Said, Seen, Service};
 use crate::commands::top::passed_on::PassedOn;
 use crate::kind_names::KindNames;
@@ -130,9 +131,10 @@ pub(crate) fn remark(seen: &Seen) -> Option<String> {
         Service::Heard { said, .. } if !said.health.has_shim() => {
             Some("no driver shim publishes this sensor".to_string())
         }
+        Service::Heard { said, .. } => drift::sentence(&said.health.drift),
         Service::Elsewhere(passed_on) => silence(passed_on, Instant::now()),
         Service::Unreadable(why) => Some(why.to_string()),
-        Service::None | Service::Mute | Service::Heard { .. } => None,
+        Service::None | Service::Mute => None,
     }
 }
 
@@ -172,6 +174,7 @@ pub(crate) fn details(said: &Said) -> Vec<String> {
     }
     lines.push(String::new());
     lines.extend(counters(said));
+    lines.push(drift::line(&health.drift));
     lines
 }
 
@@ -270,6 +273,8 @@ mod tests {
             last_novelty: 0.125,
             ..HealthReport::default()
         };
+        health.drift.novel = 0.013;
+        health.drift.novel_usual = 0.01;
         health.last_interval.sent_to_received = latency(1);
         health.last_interval.sent_to_reported = latency(1000);
         let before = HealthReport { n_lost: 9, ..health };
@@ -331,6 +336,7 @@ mod tests {
                 "frames 15234   classified 15200   invalid 34   novel 0   last novelty 0.12",
                 "lost 12 (+3)   late 0   repeated 0   refused 0   without command 0",
                 "reloads 0   refused models 0   killed programs 0",
+                "10 min (usual)   novel 1.3 % (1.0)   shares ? (?)   halves ? (?)",
             ]
         );
         assert!(lines.iter().all(|line| line.chars().count() <= 78), "{lines:#?}");
