@@ -164,7 +164,7 @@ fn comparison_choice(plan: &FitPlan, tried: &[ComparisonTrial]) -> Option<String
     let scale = scale_name(plan.response.scale);
     let chosen = match plan.whitening {
         None => scale.to_string(),
-        Some(WhiteningPlan { n_directions, .. }) => format!("{n_directions} slow directions of {scale}"),
+        Some(WhiteningPlan { n_directions, .. }) => format!("{scale} along {n_directions} slow directions"),
     };
     (!tried.is_empty()).then(|| format!("compared by: {chosen}; {}", kept_by_each(tried)))
 }

@@ -471,13 +471,9 @@ fn that_by_which_kinds_last_is_compared_and_told() {
     let tried = inspection["provenance"]["origin"]["comparisons_tried"].as_array().unwrap();
     assert_eq!(tried.len(), 6, "{tried:?}");
     let named = |scale: &Value, whitening: &Value| {
-        let scale = scale.as_str().unwrap().to_lowercase();
-        match whitening["n_directions"].as_u64() {
-            None => scale,
-            Some(n_directions) => format!("{n_directions} slow directions of {scale}"),
-        }
+        (scale.as_str().unwrap().to_lowercase(), whitening["n_directions"].as_u64())
     };
-    let lasting: Vec<(String, f64)> = tried
+    let lasting: Vec<((String, Option<u64>), f64)> = tried
         .iter()
         .map(|tried| {
             let n_changes = |of: &str| 1.0 - tried[of].as_f64().unwrap();
@@ -485,9 +481,13 @@ fn that_by_which_kinds_last_is_compared_and_told() {
             (named(&tried["scale"], &tried["whitening"]), 1.0 / product.sqrt())
         })
         .collect();
-    let each: Vec<String> = lasting.iter().map(|(name, frames)| format!("{frames:.1} by {name}")).collect();
-    let told = each.join(", ").replacen(" by", " frames by", 1);
-    assert!(outcome.stdout.contains(&format!("; kinds last {told}")), "no {told:?} in {outcome:?}");
+    let [a, b, c, d, e, f] =
+        lasting.iter().map(|(_, frames)| format!("{frames:.1}")).collect::<Vec<_>>().try_into().unwrap();
+    let told = format!(
+        "kinds last {a} frames by inverse, {b} by log, {c} by range; along 4 slow directions {d} frames by inverse, {e} by log, \
+         {f} by range"
+    );
+    assert!(outcome.stdout.contains(&told), "no {told:?} in {outcome:?}");
     // The usual one gives way to one that it is outlasted by, by more than a tenth and more than chance.
     let n_changes = |lasting: f64| 160.0 / lasting;
     let best = lasting.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();

@@ -186,24 +186,28 @@ fn most_lasting(trials: &[ComparisonTrial], n_frames: usize) -> Option<&Comparis
     Some(if outlasts { best } else { usual })
 }
 
-/// What speaks for each that was tried: `kinds last 4.0 frames by inverse, 10.0 by log, 12.0 by 4 slow directions of log`.
+/// What speaks for each that was tried: `kinds last 4.0 frames by inverse, 10.0 by log; along 4 slow directions 12.0 by inverse`.
 pub fn kept_by_each(trials: &[ComparisonTrial]) -> String {
-    let of_each = trials.iter().enumerate().map(|(index, trial)| {
+    let of_trial = |(index, trial): (usize, &ComparisonTrial)| {
         let frames = if index == 0 { " frames" } else { "" };
-        format!("{:.1}{frames} by {}", trial.n_frames_lasting(), name(trial.scale, trial.whitening))
-    });
-    format!("kinds last {}", of_each.collect::<Vec<_>>().join(", "))
+        format!("{:.1}{frames} by {}", trial.n_frames_lasting(), name(trial.scale))
+    };
+    let of_some = |trials: &[ComparisonTrial]| {
+        let along = match trials[0].whitening {
+            None => String::new(),
+            Some(WhiteningPlan { n_directions, .. }) => format!("along {n_directions} slow directions "),
+        };
+        along + &trials.iter().enumerate().map(of_trial).collect::<Vec<_>>().join(", ")
+    };
+    let parts = trials.chunk_by(|a, b| a.whitening == b.whitening).map(of_some);
+    format!("kinds last {}", parts.collect::<Vec<_>>().join("; "))
 }
 
-fn name(scale: Scale, whitening: Option<WhiteningPlan>) -> String {
-    let scale = match scale {
+fn name(scale: Scale) -> &'static str {
+    match scale {
         Scale::Range => "range",
         Scale::Log => "log",
         Scale::Inverse => "inverse",
-    };
-    match whitening {
-        None => scale.to_string(),
-        Some(WhiteningPlan { n_directions, .. }) => format!("{n_directions} slow directions of {scale}"),
     }
 }
 
@@ -332,7 +336,7 @@ mod tests {
         assert_eq!(most_lasting(&[], 10), None);
         assert_eq!(
             kept_by_each(&trials(&[0.25, 0.1, 0.1, 0.05])),
-            "kinds last 4.0 frames by inverse, 10.0 by log, 10.0 by range, 20.0 by 4 slow directions of inverse"
+            "kinds last 4.0 frames by inverse, 10.0 by log, 10.0 by range; along 4 slow directions 20.0 frames by inverse"
         );
     }
 
