@@ -90,7 +90,7 @@ mod tests {
         assert_eq!(frames_memory_bytes(16), 562_568);
         assert_eq!(frames_memory_bytes(19840), 6_311_528);
         assert_eq!(reports_memory_bytes(), 8_354_768);
-        assert_eq!(service_memory_bytes(), 9_460_984);
+        assert_eq!(service_memory_bytes(), 9_461_992);
     }
 
     #[test]
