@@ -295,8 +295,8 @@ fn sums_of_frames(rows: &[&[u16]], factors: &Mat<f64>) -> Vec<Vec<f64>> {
 fn squared_distances(rows: &[&[u16]]) -> Vec<f64> {
     let n_frames = rows.len();
     let mut squared = vec![0.0; n_frames * n_frames];
-    // Of each frame to those before it.
-    squared.par_chunks_exact_mut(n_frames).enumerate().for_each(|(index, squared)| {
+    // Of each frame to those before it. There are none where no two follow each other.
+    squared.par_chunks_exact_mut(n_frames.max(1)).enumerate().for_each(|(index, squared)| {
         let from = rows[index];
         let (some, rest) = rows[..index].as_chunks::<N_SIDE_BY_SIDE>();
         let (squared_of_some, squared_of_rest) = squared[..index].as_chunks_mut::<N_SIDE_BY_SIDE>();

@@ -110,4 +110,7 @@ fn directions_that_there_cannot_be_are_refused_in_words() {
         "3 slow directions were asked for and the trip has fewer: its frames are too much alike, or too few follow each other; ask \
          for fewer"
     );
+    let apart = Origin { n_frames: vec![1; N_TRAINED], ..Origin::default() };
+    let refused = fit(trip(), &plan(THREE, N_TRAINED), apart, &mut |_, _, _| ()).unwrap_err();
+    assert!(refused.to_string().contains("too few follow each other"), "{refused}");
 }

@@ -14,7 +14,7 @@ const CONFIGURATIONS: [(&str, &[&str]); 9] = [
     ("etc/record.ron", &[""]),
     ("etc/bridge.ron", &[""]),
     ("examples/join.ron", &[""]),
-    ("examples/train.ron", &["", "commands: (", "whitening: ("]),
+    ("examples/train.ron", &["", "commands: ("]),
     ("examples/faults.ron", &[""]),
     // Of a configuration of which etc/publish.ron has all fields.
     ("examples/realsense.ron", &[]),

@@ -43,6 +43,7 @@ pub enum ScaleChoice {
 
 /// Whether frames are compared by slow directions of their readings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub enum WhiteningChoice {
     /// By the readings themselves.
     #[serde(alias = "off")]
@@ -50,9 +51,14 @@ pub enum WhiteningChoice {
     /// By that of the two by which kinds change most seldom.
     #[serde(alias = "auto")]
     Auto,
-    /// By so many.
+    /// By so many, of so many principal components: see [`WhiteningPlan`].
     #[serde(alias = "slow")]
-    Slow(WhiteningPlan),
+    Slow {
+        /// Principal components.
+        n_components: usize,
+        /// Slow directions, at most as many.
+        n_directions: usize,
+    },
 }
 
 /// Not slow directions that a flag can ask for.
@@ -70,7 +76,8 @@ impl FromStr for WhiteningChoice {
             "auto" => Ok(Self::Auto),
             _ => match text.parse() {
                 Ok(n_directions) => {
-                    Ok(Self::Slow(WhiteningPlan { n_directions, ..WhiteningPlan::default() }))
+                    let n_components = WhiteningPlan::default().n_components;
+                    Ok(Self::Slow { n_components, n_directions })
                 }
                 Err(_) => Err(WhiteningChoiceError(text.to_string())),
             },
@@ -119,7 +126,7 @@ pub(crate) fn candidates(
         && plan.metric == MetricPlan::Euclidean
         && plan.sensor.n_readings() > usual.n_directions;
     let whitenings = match whitening {
-        Some(WhiteningChoice::Slow(asked)) => vec![Some(asked)],
+        Some(WhiteningChoice::Slow { .. }) => vec![plan.whitening],
         Some(WhiteningChoice::Auto) if can_be_whitened => vec![None, Some(usual)],
         None if is_left && can_be_whitened => vec![None, Some(usual)],
         _ => vec![None],
@@ -353,7 +360,7 @@ mod tests {
     fn what_a_person_asks_for_is_not_tried() {
         let plan = FitPlan::new(ring(16), ResponsePlan::new(Scale::Log, 4.0), 0);
         let n_tried = |scale, whitening| candidates(scale, whitening, &plan).len();
-        let slow = WhiteningChoice::Slow(WhiteningPlan { n_components: 10, n_directions: 3 });
+        let slow = WhiteningChoice::Slow { n_components: 10, n_directions: 3 };
         assert_eq!(n_tried(None, None), 6);
         assert_eq!(n_tried(Some(ScaleChoice::Auto), None), 6);
         assert_eq!(n_tried(Some(ScaleChoice::Auto), Some(WhiteningChoice::Off)), 3);
@@ -374,8 +381,7 @@ mod tests {
     fn a_flag_says_off_auto_or_how_many() {
         assert_eq!("off".parse(), Ok(WhiteningChoice::Off));
         assert_eq!("auto".parse(), Ok(WhiteningChoice::Auto));
-        let six = WhiteningChoice::Slow(WhiteningPlan { n_directions: 6, ..WhiteningPlan::default() });
-        assert_eq!("6".parse(), Ok(six));
+        assert_eq!("6".parse(), Ok(WhiteningChoice::Slow { n_components: 40, n_directions: 6 }));
         assert_eq!(
             "six".parse::<WhiteningChoice>().unwrap_err().to_string(),
             "whitening is six; it must be off, auto, or a number of slow directions such as 6"

@@ -32,7 +32,7 @@ pub struct Config {
     /// two. Default: 3 where at least 3 % of the readings are missing or far off for one frame alone.
     pub median: Option<usize>,
     /// Whether frames are compared by slow directions of their readings: off; auto, if kinds change more seldom by four of them; or
-    /// `slow((n_components: 40, n_directions: 4))`, at most as many as principal components, which are at most 1000. Default: auto
+    /// `slow(n_components: 40, n_directions: 4)`, at most as many as principal components, which are at most 1000. Default: auto
     /// where the scale is left to the trips too, else off.
     pub whitening: Option<WhiteningChoice>,
     /// How far apart frames are on that scale: `euclidean`; `Weighted([1, 1, 0.5])`, a weight of at least 0 for each reading;
@@ -262,7 +262,7 @@ impl Config {
             let limit = "1, 3 or 5 frames".to_string();
             return Err(ConfigError::Limit { field: "median", value: n_frames as f64, limit });
         }
-        if let Some(WhiteningChoice::Slow(WhiteningPlan { n_components, n_directions })) = self.whitening {
+        if let Some(WhiteningChoice::Slow { n_components, n_directions }) = self.whitening {
             count("n_components", Some(n_components), N_COMPONENTS_MAX)?;
             count("n_directions", Some(n_directions), n_components)?;
         }
@@ -350,7 +350,9 @@ impl Config {
                 _ => MedianPlan::Off,
             },
             whitening: match self.whitening {
-                Some(WhiteningChoice::Slow(asked)) => Some(asked),
+                Some(WhiteningChoice::Slow { n_components, n_directions }) => {
+                    Some(WhiteningPlan { n_components, n_directions })
+                }
                 None | Some(WhiteningChoice::Off | WhiteningChoice::Auto) => None,
             },
             metric: self.metric.as_ref().map(|choice| choice.plan(sensor)).transpose()?.unwrap_or_default(),
