@@ -74,8 +74,8 @@ fn configuration_and_flags_give_the_same_model_and_a_flag_overrides_a_field() {
 fn training_says_what_was_learnt_and_where_it_is() {
     let robot = Robot::trained();
     let told = robot.succeed(&[&["train", FIRST, SECOND, "--output", "both.kinds"][..], &SIZE].concat());
-    let [learnt, scale, wrote] = told.lines().collect::<Vec<_>>()[..] else { panic!("{told}") };
-    assert!(scale.starts_with("scale: inverse ranges; kinds last "), "{scale}");
+    let [learnt, compared, wrote] = told.lines().collect::<Vec<_>>()[..] else { panic!("{told}") };
+    assert!(compared.starts_with("compared by: inverse ranges; kinds last "), "{compared}");
     let beginning = "learnt 5 kinds from 290 frames of 16 readings: Isomap of inverse ranges in 8 \
                      dimensions, residual variance 0.";
     assert!(learnt.starts_with(beginning), "{learnt}");
@@ -286,7 +286,7 @@ fn what_the_number_of_kinds_is_chosen_by_can_be_asked_for_by_flag_and_by_file() 
 fn starts_that_were_given_up_and_numbers_that_could_not_be_tried_are_told() {
     let robot = Robot::new();
     Trip { n_frames: 40, ..Trip::FIRST }.write(&robot.path(FIRST));
-    let size = ["--neighbors", "8", "--dims", "3"];
+    let size = ["--neighbors", "8", "--dims", "3", "--response", "inverse"];
     let train = |more: &[&str]| {
         let train = ["train", FIRST, "--output", MODEL, "--report", "report"];
         let outcome = robot.run(&[&train[..], &size, more].concat());

@@ -124,7 +124,8 @@ pub(crate) fn candidates(
     let usual = WhiteningPlan::default();
     let can_be_whitened = plan.method != Method::Native
         && plan.metric == MetricPlan::Euclidean
-        && plan.sensor.n_readings() > usual.n_directions;
+        && plan.sensor.n_readings() > usual.n_directions
+        && plan.n_dims.is_none_or(|n_dims| n_dims <= usual.n_directions);
     let whitenings = match whitening {
         Some(WhiteningChoice::Slow { .. }) => vec![plan.whitening],
         Some(WhiteningChoice::Auto) if can_be_whitened => vec![None, Some(usual)],
@@ -370,10 +371,13 @@ mod tests {
             candidates(Some(ScaleChoice::Log), None, &plan),
             [Compared { scale: Scale::Log, whitening: None }]
         );
-        // Four readings have no four directions that are slower than others, and a ring's turn has none at all.
+        // Four readings have no four directions that are slower than others, five dimensions want more than four, and a ring's turn
+        // has none at all.
         let few = FitPlan { sensor: ring(4), ..plan.clone() };
+        let many_dims = FitPlan { n_dims: Some(5), ..plan.clone() };
         let turned = FitPlan { metric: MetricPlan::Ring { n_rings: 1 }, ..plan };
         assert_eq!(candidates(None, None, &few).len(), 3);
+        assert_eq!(candidates(None, None, &many_dims).len(), 3);
         assert_eq!(candidates(None, Some(WhiteningChoice::Auto), &turned).len(), 3);
     }
 
