@@ -6,9 +6,9 @@
 //! little on just these, from as many that they were not: the trip is cut into blocks, a model is learnt from every second one and
 //! judged on the others as well, and the other way round. What counts is the geometric mean of all four.
 //!
-//! On 17 recorded and simulated trips this took the usual way on all recorded ones, whose kinds were the most consistent on a second
-//! trip by it or within the interval of the best; of simulated Chew, slow directions of ranges, whose kinds were the most consistent
-//! by far (benches/RESULTS.md). Principal components are not among what is tried: their kinds last because one is large.
+//! Of recorded trips this took the usual way, by which their kinds were the most consistent on a second trip or near it; of simulated
+//! Chew slow directions, by which they were so by far; of simulated Crunch slow directions, which made no difference
+//! (benches/RESULTS.md). Principal components are not among what is tried: their kinds last because one is large.
 
 use std::ops::Range;
 use std::str::FromStr;
