@@ -124,14 +124,13 @@ fn text(sensor: &SensorName, health: &HealthReport) -> String {
         ("peers_lost", "Killed programs that were cleaned up after.", health.n_peers_lost),
     ];
     for (name, help, value) in counters {
-        metric(&mut text, &format!("kinds_{name}_total"), "counter", help);
-        line(&mut text, &format!("kinds_{name}_total{{sensor=\"{sensor}\"}}"), value as f64);
+        single(&mut text, sensor, &format!("kinds_{name}_total"), "counter", help, value as f64);
     }
-    metric(&mut text, "kinds_uptime_seconds", "gauge", "Since the service started.");
-    line(&mut text, &format!("kinds_uptime_seconds{{sensor=\"{sensor}\"}}"), seconds(health.uptime_ns));
-    metric(&mut text, "kinds_shim_present", "gauge", "Whether a driver shim publishes the sensor.");
+    let uptime_s = seconds(health.uptime_ns);
+    single(&mut text, sensor, "kinds_uptime_seconds", "gauge", "Since the service started.", uptime_s);
     let has_shim = f64::from(u8::from(health.has_shim()));
-    line(&mut text, &format!("kinds_shim_present{{sensor=\"{sensor}\"}}"), has_shim);
+    let help = "Whether a driver shim publishes the sensor.";
+    single(&mut text, sensor, "kinds_shim_present", "gauge", help, has_shim);
     metric(&mut text, "kinds_model_info", "gauge", "The model in use.");
     let model = ModelId(health.model_id);
     line(&mut text, &format!("kinds_model_info{{sensor=\"{sensor}\",model=\"{model}\"}}"), 1.0);
@@ -149,8 +148,7 @@ fn text(sensor: &SensorName, health: &HealthReport) -> String {
         ("recent_half_split_error", "Median, as a share of the radius of trained places.", drift.half_split),
         ("usual_half_split_error", "The same of frames like those learnt from.", drift.half_split_usual),
     ] {
-        metric(&mut text, &format!("kinds_{name}"), "gauge", help);
-        line(&mut text, &format!("kinds_{name}{{sensor=\"{sensor}\"}}"), value);
+        single(&mut text, sensor, &format!("kinds_{name}"), "gauge", help, value);
     }
     let name = "kinds_latency_seconds";
     metric(
@@ -184,6 +182,12 @@ fn quantiles(latency: &Latency) -> [(&'static str, u64); 5] {
 
 fn seconds(ns: u64) -> f64 {
     ns as f64 / 1e9
+}
+
+/// A metric of one value for the sensor.
+fn single(text: &mut String, sensor: &SensorName, name: &str, kind: &str, help: &str, value: f64) {
+    metric(text, name, kind, help);
+    line(text, &format!("{name}{{sensor=\"{sensor}\"}}"), value);
 }
 
 fn metric(text: &mut String, name: &str, kind: &str, help: &str) {
